@@ -14,8 +14,8 @@ The error is the largest residual lately, which fades by a hundredth with each a
 1 % are larger), and half of the least round trip: what no answer can tell is how that is shared between the two ways.
 While answers contradict the fit, it is not less than the last of their residuals.
 
-A fit is an int64 array (WORDS), all zeros at first. Times are kept relative to whole nanoseconds that move along, so
-that float64 holds them wherever either clock stands.
+A fit is an int64 array (WORDS), all zeros at first. Times are kept relative to those of the first answer, wherever
+either clock stands: float64 holds a year of them to 4 ns.
 """
 
 import math
@@ -160,13 +160,3 @@ def _add(line, host, most, least, weight):
     reals[MIDDLE] += weight / reals[WEIGHT] * risen
     reals[SQUARES] = kept * reals[SQUARES] + weight * moved * (time - reals[TIME])
     reals[PRODUCTS] = kept * reals[PRODUCTS] + weight * moved * (measured - reals[MIDDLE])
-    _move_anchor(line)
-
-
-@njit
-def _move_anchor(line):
-    """Moves what is whole of the means into the integers."""
-    reals = line.view(np.float64)
-    time, middle = np.int64(reals[TIME]), np.int64(reals[MIDDLE])
-    line[HOST], reals[TIME] = line[HOST] + time, reals[TIME] - time
-    line[OFFSET], reals[MIDDLE] = line[OFFSET] + middle, reals[MIDDLE] - middle

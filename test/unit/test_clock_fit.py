@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The device's clock from answers: exact without jitter, right to µs with it, and a step is found."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_device.link import clock_fit
+
+MS, SECOND = 1_000_000, 1_000_000_000
+BEGIN = 5000 * SECOND  # of the host's clock
+
+
+class Clock:
+    """A device's clock, and answers of it by ways that take `there` and `back` [ns]."""
+
+    def __init__(self, ahead=0, skew=0.0):
+        self.ahead, self.skew, self.fit = ahead, skew, np.zeros(clock_fit.WORDS, np.int64)
+
+    def at(self, host):
+        return host + self.ahead + round(self.skew * (host - BEGIN))
+
+    def ask(self, host, there, back, thinks=2000):
+        came = host + there
+        return clock_fit.answer(self.fit, host, self.at(came), self.at(came + thinks), came + thinks + back)
+
+    def wrong_by(self, host):
+        return abs(clock_fit.to_device(self.fit, host) - self.at(host))
+
+
+def questions(seconds, first=BEGIN):
+    """Times of the host at which the link asks."""
+    fast = [first + i * 10 * MS for i in range(10)]
+    return fast + list(range(first + 100 * MS, first + int(seconds * SECOND), 20 * MS))
+
+
+def jittering(seed):
+    """Ways that take together 65 µs at the median and 300 µs at 99 %."""
+    random = np.random.default_rng(seed)
+    return lambda: int(20_000 + 9000 * np.exp(1.3 * random.standard_normal()))
+
+
+@pytest.mark.parametrize("skew", [0.0, 30e-6, -30e-6, 200e-6, -200e-6])
+@pytest.mark.parametrize("ahead", [0, -3 * SECOND, 10**18, -(10**18)])
+def test_equal_ways_give_offset_and_skew(ahead, skew):
+    clock = Clock(ahead, skew)
+    for host in questions(3.0):
+        assert clock.ask(host, 30_000, 30_000) == clock_fit.TAKEN
+    now = BEGIN + 3 * SECOND
+    assert clock.wrong_by(now) <= 200
+    assert clock_fit.skew(clock.fit) == pytest.approx(skew, abs=0.1e-6)
+    assert clock_fit.error(clock.fit) <= 35_000
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_jitter_leaves_less_than_ten_microseconds_in_99_of_100(seed):
+    clock, way = Clock(7 * SECOND, 30e-6), jittering(seed)
+    wrong = []
+    for host in questions(12.0):
+        clock.ask(host, way(), way())
+        now = [clock.wrong_by(host + ahead) for ahead in (0, 10 * MS, 20 * MS)]
+        wrong += now if host > BEGIN + 2 * SECOND else []
+        assert not clock_fit.known(clock.fit) or max(now) <= clock_fit.error(clock.fit) <= 150_000
+    assert np.percentile(wrong, 99) <= 10_000
+
+
+def test_a_way_that_is_longer_by_itself_is_wrong_by_no_more_than_the_error():
+    clock = Clock()
+    for host in questions(2.0):
+        clock.ask(host, 10_000, 90_000)
+    assert clock.wrong_by(BEGIN + 2 * SECOND) == pytest.approx(40_000, abs=100)
+    assert clock_fit.error(clock.fit) >= 40_000
+
+
+def test_late_answers_are_left_out_and_those_up_to_twice_the_least_are_not():
+    for round_trip, taken in ((2 * 61_000, clock_fit.TAKEN), (2 * 63_000, clock_fit.LEFT_OUT)):
+        clock = Clock()
+        for host in questions(0.2):
+            clock.ask(host, 30_000, 30_000)
+        assert clock.ask(BEGIN + 200 * MS, 30_000, round_trip - 30_000) == taken
+
+
+def test_a_line_that_has_become_slower_is_taken_in_the_end():
+    clock = Clock(0, 30e-6)
+    for host in questions(2.0):
+        clock.ask(host, 30_000, 30_000)
+    later = questions(6.0, BEGIN + 2 * SECOND)
+    took = [clock.ask(host, 300_000, 300_000) for host in later]
+    assert took[0] == clock_fit.LEFT_OUT and took[-1] == clock_fit.TAKEN
+    assert clock.wrong_by(later[-1]) <= 1000
+
+
+@pytest.mark.parametrize("step", [200_000, -200_000, 10**9, -(10**15)])
+def test_a_step_is_found_within_a_few_answers_and_counted_once(step):
+    clock, way = Clock(10**12, 30e-6), jittering(1)
+    times = questions(5.0)
+    for host in times:
+        clock.ask(host, way(), way())
+    assert clock.fit[clock_fit.STEPS] == 0
+    clock.ahead += step
+    found = None
+    for i in range(1, 61):
+        host = times[-1] + i * 20 * MS
+        assert clock_fit.known(clock.fit)
+        clock.ask(host, way(), way())
+        if clock.fit[clock_fit.STEPS] and found is None:
+            found = i
+            assert clock.wrong_by(host) <= 25_000
+    assert clock_fit.ENOUGH <= found < 3 * clock_fit.ENOUGH
+    assert clock.fit[clock_fit.STEPS] == 1 and clock.wrong_by(host) <= 10_000
+
+
+def test_while_answers_contradict_the_fit_the_error_says_by_how_much():
+    clock = Clock()
+    for host in questions(1.0):
+        clock.ask(host, 30_000, 30_000)
+    assert clock_fit.error(clock.fit) < 50_000
+    clock.ahead += 200_000
+    clock.ask(BEGIN + SECOND, 30_000, 30_000)
+    assert clock_fit.error(clock.fit) == pytest.approx(200_000, abs=1000)
+
+
+def test_one_answer_that_is_wrong_is_no_step():
+    clock = Clock()
+    for i, host in enumerate(questions(2.0)):
+        clock.ahead = 500_000 if i % 8 == 7 else 0
+        clock.ask(host, 30_000, 30_000)
+    clock.ahead = 0
+    assert clock.fit[clock_fit.STEPS] == 0 and clock.wrong_by(BEGIN + 2 * SECOND) <= 1000
+
+
+def test_answers_that_took_longer_on_one_way_count_less():
+    clock = Clock()
+    for i, host in enumerate(questions(3.0)):
+        assert clock.ask(host, 30_000, 30_000 + 50_000 * (i % 3 == 0)) == clock_fit.TAKEN
+    assert clock.wrong_by(BEGIN + 3 * SECOND) <= 3000  # 8 µs if they counted as much
+
+
+def test_what_was_long_ago_is_forgotten():
+    clock = Clock()
+    for host in questions(5.0):
+        clock.ask(host, 10_000, 50_000)
+    clock.ahead, clock.skew = -round(20e-6 * 5 * SECOND), 20e-6  # warmer from here on
+    for host in questions(12.0, BEGIN + 5 * SECOND):
+        clock.ask(host, 30_000, 30_000)
+    assert clock.wrong_by(BEGIN + 17 * SECOND) <= 1000
+    assert clock_fit.skew(clock.fit) == pytest.approx(20e-6, abs=0.3e-6)
+    assert clock_fit.error(clock.fit) <= 32_000  # half of the least round trip, and little more
+
+
+def test_a_year_in_one_session_leaves_times_as_they_are():
+    clock = Clock(10**18)
+    clock.ask(BEGIN, 30_000, 30_000)
+    year = 365 * 86_400 * SECOND
+    for host in questions(1.0, BEGIN + year):
+        clock.ask(host, 30_000, 30_000)
+    assert clock.wrong_by(BEGIN + year + SECOND) <= 200
+
+
+def test_a_fit_needs_enough_answers():
+    clock = Clock()
+    for i, host in enumerate(questions(0.2)[: clock_fit.ENOUGH]):
+        assert not clock_fit.known(clock.fit), i
+        clock.ask(host, 30_000, 30_000)
+    assert clock_fit.known(clock.fit)
+
+
+def test_answers_that_cannot_be_are_refused():
+    fit = np.zeros(clock_fit.WORDS, np.int64)
+    least, most = -clock_fit.FARTHEST, clock_fit.FARTHEST
+    assert clock_fit.answer(fit, 0, 500, 600, 99) == clock_fit.REFUSED  # it thought for longer than it took
+    assert clock_fit.answer(fit, 0, 600, 500, 1000) == clock_fit.REFUSED
+    for t2, t3 in ((least, least + 1), (most - 1, most), (-(2**63), 2**63 - 1), (2**63 - 1, 2**63 - 1)):
+        assert clock_fit.answer(fit, 0, t2, t3, 1000) == clock_fit.REFUSED
+    assert not fit.any()
+    assert clock_fit.answer(fit, 0, 500, 600, 100) == clock_fit.TAKEN
+    for far in (least + 1, most - 1):
+        clock_fit.restart(fit)
+        assert clock_fit.answer(fit, 0, far, far, 100) == clock_fit.TAKEN
+
+
+def test_a_fit_that_is_restarted_keeps_only_its_steps():
+    clock = Clock()
+    for host in questions(0.5):
+        clock.ask(host, 30_000, 30_000)
+    clock.fit[clock_fit.STEPS] = 3
+    clock_fit.restart(clock.fit)
+    assert clock.fit[clock_fit.STEPS] == 3 and clock.fit.sum() == 3
+
+
+@given(
+    st.integers(-(10**18), 10**18),
+    st.floats(-200e-6, 200e-6),
+    st.lists(st.integers(10_000, 10**6), min_size=10, max_size=40),
+    st.integers(-SECOND, SECOND),
+)
+def test_both_ways_are_inverse(ahead, skew, ways, away):
+    clock = Clock(ahead, skew)
+    for i, way in enumerate(ways):
+        clock.ask(BEGIN + i * 20 * MS, way, ways[-i])
+    host = BEGIN + away
+    assert abs(clock_fit.to_host(clock.fit, clock_fit.to_device(clock.fit, host)) - host) <= 1

@@ -1,0 +1,821 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The host's side of the link protocol against a device that is written from its page."""
+
+import math
+import struct
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+from link_device import (
+    CLOCK,
+    CLOCK_ANSWER,
+    COMMAND,
+    GREETING,
+    HELLO,
+    LENGTHS,
+    MS,
+    SAMPLE,
+    TRUTH,
+    Device,
+    Host,
+    acquainted,
+    greeting,
+    packed,
+    sample,
+    stuffed,
+    unpacked,
+    unstuffed,
+)
+from pydantic import ValidationError
+
+from haptic_device.device import simulated_device
+from haptic_device.jit import njit
+from haptic_device.link import codec, open_frame, open_serial, open_udp
+
+BEGIN = 5_000_000 * MS
+AHEAD = 10**15 + 7
+
+
+def hosts():
+    return Host(open_udp.codec(None, None))
+
+
+def ready(**told):
+    """A host and a device that have met, and what time it is."""
+    host, device = hosts(), Device(AHEAD, **told)
+    return host, device, acquainted(host, device, BEGIN)
+
+
+def exchanged(host, device, now, motor=(0.1, 0.2, 0.0), late=0):
+    """A command and its sample, `late` [ns] after its deadline; the answer, and the deadline."""
+    deadline = now + MS
+    device.hear(host.write(now, deadline, motor), now + 30_000)
+    told = [host.hear(reply, deadline + late + 100_000) for reply in device.run(deadline + late)]
+    return [answer for answer in told if answer is not None][0], deadline
+
+
+# the session
+
+
+def test_a_new_line_gets_a_hello_in_a_session_of_its_own():
+    host = hosts()
+    sessions = set()
+    for _ in range(100):
+        kind, flags, session, sequence, answers, payload = unpacked(host.say(codec.OPENED, BEGIN))
+        assert (kind, flags, sequence, answers, payload) == (HELLO, 0, 1, 0, b"")
+        sessions.add(session)
+    assert len(sessions) == 100 and 0 not in sessions
+
+
+def test_two_hosts_choose_other_sessions():
+    assert unpacked(hosts().say(codec.OPENED, 0))[2] != unpacked(hosts().say(codec.OPENED, 0))[2]
+
+
+def test_hello_is_said_each_50_ms_in_the_same_session_until_the_device_greets():
+    host = hosts()
+    session = unpacked(host.say(codec.OPENED, BEGIN))[2]
+    said = [(i * 5, host.say(codec.IDLE, BEGIN + i * 5 * MS)) for i in range(1, 41)]
+    assert [time for time, data in said if data] == [50, 100, 150, 200]
+    assert [unpacked(data)[2:4] for _, data in said if data] == [(session, 2), (session, 3), (session, 4), (session, 5)]
+    assert not host.write(BEGIN, BEGIN + MS) and not host.write(BEGIN, BEGIN + MS, event=codec.CUT)
+
+
+def test_without_a_line_that_opened_the_first_look_begins_a_session():
+    assert unpacked(hosts().say(codec.IDLE, BEGIN))[0] == HELLO
+
+
+def test_what_the_device_says_of_itself_is_told():
+    host, device, _ = ready(axes=3, bits=16, features=1, least=200_000, watchdog=20 * MS)
+    told = [host.state[word] for word in (codec.AXES, codec.FIRMWARE, codec.PERIOD_LEAST, codec.WATCHDOG)]
+    assert told == [3, 0x010203, 200_000, 20 * MS]
+    assert host.state[codec.SIMULATED] == 1 and host.state[codec.SESSIONS] == 1
+    host.say(codec.OPENED, BEGIN)
+    words = codec.AXES, codec.FIRMWARE, codec.PERIOD_LEAST, codec.WATCHDOG, codec.SIMULATED, codec.READY
+    assert [host.state[word] for word in words] == [0] * 6
+
+
+@pytest.mark.parametrize(
+    ("wrong", "right"),
+    [
+        ({"axes": 0}, {"axes": 1}),
+        ({"axes": 4}, {"axes": 3}),
+        ({"bits": 24}, {"bits": 16}),
+        ({"bits": 0}, {"bits": 32}),
+        ({"least": 0}, {"least": 1}),
+        ({"least": 10 * MS + 1}, {"least": 10 * MS}),
+        ({"watchdog": 0}, {"watchdog": 1}),
+        ({"counts": (math.nan, 1, 1)}, {"counts": (0, 0, 0)}),
+        ({"counts": (1, -1, 1)}, {"counts": (1, 1, 1)}),
+        ({"largest": (1, math.inf, 1)}, {"largest": (1, 1e30, 1)}),
+    ],
+)
+def test_a_greeting_of_nonsense_is_refused_and_one_within_the_bounds_taken(wrong, right):
+    host = hosts()
+    session = unpacked(host.say(codec.OPENED, BEGIN))[2]
+    host.hear(packed(GREETING, session, 1, greeting(**wrong)), BEGIN)
+    assert (host.state[codec.REFUSED], host.state[codec.SESSIONS]) == (1, 0)
+    host.hear(packed(GREETING, session, 1, greeting(**right)), BEGIN)
+    assert (host.state[codec.REFUSED], host.state[codec.SESSIONS]) == (1, 1)
+
+
+def test_a_greeting_of_another_session_is_refused():
+    host = hosts()
+    session = unpacked(host.say(codec.OPENED, BEGIN))[2]
+    host.hear(packed(GREETING, session ^ 1, 1, greeting()), BEGIN)
+    assert (host.state[codec.REFUSED], host.state[codec.SESSIONS]) == (1, 0)
+
+
+def test_the_clock_is_asked_ten_times_in_100_ms_and_then_each_20_ms():
+    host = hosts()
+    session = unpacked(host.say(codec.OPENED, BEGIN))[2]
+    host.hear(packed(GREETING, session, 1, greeting()), BEGIN)
+    times = []
+    for i in range(60):
+        now = BEGIN + i * 5 * MS
+        host.hear(packed(SAMPLE, session, i + 2, sample(now, now)), now)
+        if data := host.say(codec.IDLE, now):
+            kind, _, _, _, _, payload = unpacked(data)
+            assert kind == CLOCK and struct.unpack("<q", payload) == (now,)
+            times.append(i * 5)
+    assert times[:10] == list(range(0, 100, 10)) and times[10:] == list(range(110, 300, 20))
+
+
+def test_silence_of_100_ms_begins_another_session_and_less_does_not():
+    host, device, now = ready()
+    session, heard = device.session, host.state[open_frame.HEARD]
+    assert unpacked(host.say(codec.IDLE, heard + 100 * MS))[0] == CLOCK
+    kind, _, other, sequence, _, _ = unpacked(host.say(codec.IDLE, heard + 100 * MS + 1))
+    assert (kind, sequence) == (HELLO, 1) and other != session
+    assert host.state[codec.READY] == 0 and not host.write(now, now + MS)
+
+
+def test_the_link_is_ready_when_the_clock_has_five_answers():
+    host, device, answers = hosts(), Device(AHEAD), 0
+    sent, now = host.say(codec.OPENED, BEGIN), BEGIN
+    while not host.state[codec.READY]:
+        assert answers < 5 and not host.write(now, now + MS)
+        for reply in device.hear(sent, now) if sent else []:
+            answers += unpacked(reply)[0] == CLOCK_ANSWER
+            host.hear(reply, now)
+        now += 5 * MS
+        sent = host.say(codec.IDLE, now)
+    assert answers == 5 and host.write(now, now + MS)
+
+
+def test_frames_before_the_greeting_are_left_alone():
+    host = hosts()
+    session = unpacked(host.say(codec.OPENED, BEGIN))[2]
+    assert host.hear(packed(SAMPLE, session, 1, sample(BEGIN, BEGIN)), BEGIN) is None
+    assert host.state[codec.REFUSED] == 0
+    assert host.hear(packed(SAMPLE, session, 3, sample(BEGIN, BEGIN)), BEGIN) is None
+    for sequence in (2, 4):  # it was overtaken; said again it is no other session
+        host.hear(packed(GREETING, session, sequence, greeting()), BEGIN)
+        assert (host.state[codec.SESSIONS], host.state[codec.REFUSED]) == (1, 0)
+
+
+def test_looks_may_be_early_by_half_of_what_lies_between_them():
+    host = hosts()
+    host.say(codec.OPENED, BEGIN)
+    assert not host.say(codec.IDLE, BEGIN + 47_499_999)
+    assert host.say(codec.IDLE, BEGIN + 47_500_000)
+
+
+def test_a_frame_that_comes_twice_or_late_is_refused():
+    host, device, now = ready(features=1)
+    frames = [device.frame(TRUTH, struct.pack("<q19d", device.clock(now), *[0.0] * 19)) for _ in range(2)]
+    for sent, taken in ((1, True), (1, False), (0, False)):
+        refused = host.state[codec.REFUSED]
+        assert (host.hear(frames[sent], now) is not None) == taken
+        assert host.state[codec.REFUSED] == refused + (not taken)
+
+
+def test_another_session_knows_nothing_of_the_clock_nor_the_commands_of_the_one_before():
+    host, device, now = ready()
+    for _ in range(5):
+        header, deadline = asked(host, device, now)
+    device = Device(AHEAD + 10**12)
+    now = met_again(host, device, now + 200 * MS)
+    assert (host.state[codec.REFUSED], host.state[codec.CLOCK_STEPS]) == (0, 0)
+    content = sample(deadline, deadline)
+    assert host.hear(device.frame(SAMPLE, content, **header), now) is None and host.state[codec.REFUSED] == 1
+    assert abs(asked(host, device, now)[1] - device.clock(now + MS)) <= 1000
+
+
+# commands
+
+
+def test_a_command_has_the_deadline_in_the_clock_of_the_device():
+    host, device, now = ready()
+    kind, flags, session, _, answers, payload = unpacked(host.write(now, now + MS, (0.25, -0.5, 0.75), 500_000))
+    deadline, period, *motor = struct.unpack("<qI3f", payload)
+    assert (kind, flags, session, answers) == (COMMAND, 1, device.session, 0)
+    assert abs(deadline - device.clock(now + MS)) <= 1000
+    assert (period, motor) == (500_000, [0.25, -0.5, 0.0])  # of two axes
+    assert unpacked(host.write(now, now + MS, engaged=0))[1] == 0
+
+
+def test_a_cut_is_a_command_without_motor_and_not_engaged():
+    host, device, now = ready()
+    for period in (MS, 250_000):
+        kind, flags, _, _, _, payload = unpacked(host.say(codec.CUT, now))
+        deadline, told, *motor = struct.unpack("<qI3f", payload)
+        assert (kind, flags, told, motor) == (COMMAND, 0, period, [0, 0, 0])
+        assert abs(deadline - device.clock(now + period)) <= 1000
+        host.write(now, now + 250_000, (1.0, 1.0, 1.0), 250_000)
+
+
+@pytest.mark.parametrize(("written", "told"), [(None, 2 * MS), (MS, 2 * MS), (3 * MS, 3 * MS), (11 * MS, 10 * MS)])
+def test_a_cut_has_a_period_that_the_device_takes(written, told):
+    host, device, now = ready(least=2 * MS)
+    if written:
+        host.write(now, now + written, period=written)
+    assert struct.unpack("<qI", unpacked(host.say(codec.CUT, now))[5][:12])[1] == told
+
+
+def test_sequences_go_on_by_one():
+    host, device, now = ready()
+    numbers = [unpacked(host.write(now + i, now + i + MS))[3] for i in range(5)]
+    assert numbers == list(range(numbers[0], numbers[0] + 5))
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf, 1e39])
+def test_a_motor_value_that_is_no_float_makes_all_of_them_zero(wrong):
+    host, device, now = ready()
+    for motor, sent in (((1.0, wrong, 0.0), [0, 0, 0]), ((1.0, 3e38, 0.0), [1.0, np.float32(3e38), 0])):
+        assert list(struct.unpack("<qI3f", unpacked(host.write(now, now + MS, motor))[5])[2:]) == sent
+
+
+def test_deadlines_ask_for_nothing():
+    host, device, now = ready()
+    host.write(now, now + MS)
+    assert host.say(codec.DUE, now + MS) == b""
+
+
+@pytest.mark.parametrize("features", [0, 1])
+def test_targets_go_to_simulated_devices_only(features):
+    host, device, now = ready(features=features)
+    data = host.write(now, 0, (0.1, 0.2, 0.3), event=codec.TARGET)
+    if features:
+        device.hear(data, now)
+        assert device.targets == [(0.1, 0.2, 0.3)]
+        assert not host.write(now, 0, (0.1, math.nan, 0.3), event=codec.TARGET)
+    else:
+        assert data == b""
+
+
+# samples
+
+
+@pytest.mark.parametrize("late", [0, 1, 700_000])
+def test_a_sample_is_of_its_deadline_and_as_late_as_it_says(late):
+    host, device, now = ready()
+    device.counts, device.status = [5, -7, 9], 2 | 4 | 8 | 16 | 32 | 128
+    answer, deadline = exchanged(host, device, now, late=late)
+    assert answer[codec.KIND] == codec.SAMPLE and answer[codec.DEADLINE] == deadline
+    assert abs(answer[codec.LATCHED] - deadline - late) <= 1000 and answer[codec.LATCHED] >= deadline
+    assert list(answer[codec.COUNTS : codec.COUNTS + 3]) == [5, -7, 0]  # of two axes
+    assert answer[codec.STATUS] == 190
+
+
+def asked(host, device, now):
+    """A command on its way; the session, the device's next sequence, and what a sample of it has to echo."""
+    data = host.write(now, now + MS)
+    return dict(answers=unpacked(data)[3]), struct.unpack("<q", unpacked(data)[5][:8])[0]
+
+
+def test_drag_and_temperature_are_told():
+    host, device, now = ready()
+    header, deadline = asked(host, device, now)
+    assert host.state[codec.TEMPERATURE] == codec.NO_TEMPERATURE
+    content = sample(deadline, deadline, temperature=-125, drag=(0.5, -1.5, 2.0))
+    answer = host.hear(device.frame(SAMPLE, content, **header), now + 2 * MS)
+    assert list(answer.view(np.float64)[codec.DRAG : codec.DRAG + 3]) == [0.5, -1.5, 2.0]
+    assert host.state[codec.TEMPERATURE] == -125
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda deadline, answers: (deadline + 1, deadline + 1, answers),  # not the deadline that was sent
+        lambda deadline, answers: (deadline, deadline - 1, answers),  # latched before it
+        lambda deadline, answers: (deadline, deadline, answers + 1),  # answers what was not asked
+        lambda deadline, answers: (deadline, deadline, answers - 1),  # answers a question for the clock
+        lambda deadline, answers: (0, 0, answers - 1),
+        lambda deadline, answers: (deadline, deadline + 2_000 * MS, answers),
+        lambda deadline, answers: (deadline, deadline + 20 * MS, answers),  # has not been yet
+        lambda deadline, answers: (-(2**63), 2**63 - 1, answers),
+        lambda deadline, answers: (2**63 - 1, -(2**63), 0),
+        lambda deadline, answers: (deadline + 100 * MS, deadline + 100 * MS, 0),
+        lambda deadline, answers: (deadline - 2_000 * MS, deadline - 2_000 * MS, 0),
+    ],
+)
+def test_a_sample_that_does_not_echo_what_was_announced_is_refused(change):
+    host, device, now = ready()
+    host.say(codec.IDLE, now + 20 * MS)
+    header, deadline = asked(host, device, now)
+    wrong = change(deadline, header["answers"])
+    assert host.hear(device.frame(SAMPLE, sample(*wrong[:2]), answers=wrong[2]), now + 2 * MS) is None
+    assert host.state[codec.REFUSED] == 1
+    assert host.hear(device.frame(SAMPLE, sample(deadline, deadline), **header), now + 2 * MS) is not None
+
+
+def test_a_command_is_answered_once_and_within_64_frames():
+    host, device, now = ready()
+    for others, taken in ((63, True), (64, False)):
+        header, deadline = asked(host, device, now)
+        for _ in range(others):
+            host.write(now, now + 9 * MS)
+        told = host.hear(device.frame(SAMPLE, sample(deadline, deadline), **header), now + 2 * MS)
+        assert (told is not None) == taken
+        assert host.hear(device.frame(SAMPLE, sample(deadline, deadline), **header), now + 2 * MS) is None
+        now += 20 * MS
+
+
+def test_forces_that_are_no_numbers_and_counts_beyond_16_bits_are_refused():
+    host, device, now = ready(bits=16)
+    header, deadline = asked(host, device, now)
+    for wrong in ({"drag": (0, math.nan, 0)}, {"drag": (math.inf, 0, 0)}, {"counts": (2**15, 0, 0)}):
+        assert host.hear(device.frame(SAMPLE, sample(deadline, deadline, **wrong), **header), now + 2 * MS) is None
+    right = {"counts": (2**15 - 1, -(2**15), 0), "drag": (1e30, 0, 0)}
+    assert host.hear(device.frame(SAMPLE, sample(deadline, deadline, **right), **header), now + 2 * MS) is not None
+
+
+@pytest.mark.parametrize("bits", [16, 32])
+def test_counters_that_wrap_are_unwrapped_also_in_the_next_session_of_the_line(bits):
+    host, device, now = ready(bits=bits)
+    where = 2 ** (bits - 1) - 100
+    for count in (where - 2 ** (bits - 2), where, where + 200, where + 400):
+        device.counts = [(count + 2 ** (bits - 1)) % 2**bits - 2 ** (bits - 1), 0, 0]
+        answer, deadline = exchanged(host, device, now)
+        assert answer[codec.COUNTS] == count
+        now = deadline + 300_000
+    now = met_again(host, device, now + 200 * MS)
+    assert exchanged(host, device, now)[0][codec.COUNTS] == count
+    now = acquainted(host, device, now + 200 * MS)  # a new line: nothing is known of a device on it
+    assert exchanged(host, device, now)[0][codec.COUNTS] == count - 2**bits
+
+
+def met_again(host, device, now):
+    """As acquainted, on the same line after a silence, which ends now; the first hello is lost."""
+    assert unpacked(host.say(codec.IDLE, now))[0] == HELLO
+    while not host.state[codec.READY]:
+        now += 5 * MS
+        sent = host.say(codec.IDLE, now)
+        for reply in (device.hear(sent, now) if sent else []) + device.run(now):
+            host.hear(reply, now)
+    return now + 5 * MS
+
+
+def test_samples_that_nobody_asked_for_are_placed_by_the_clock_and_never_after_now():
+    host, device, now = ready()
+    device.status = 16
+    for i in range(20):
+        time = now + i * MS
+        told = host.hear(device.frame(SAMPLE, sample(device.clock(time), device.clock(time)), flags=18), time + 500)
+        assert told[codec.DEADLINE] == 0 and told[codec.STATUS] == 18
+        assert abs(told[codec.LATCHED] - time) <= 1000 and told[codec.LATCHED] <= time + 500
+
+
+def test_no_unasked_sample_is_fresh_for_a_deadline_until_that_is_answered_or_long_past():
+    host, device, now = ready()
+    header, announced = asked(host, device, now)
+    deadline, place = now + MS, device.clock(now + MS + 300_000)
+    told = host.hear(device.frame(SAMPLE, sample(place, place)), deadline + 400_000)
+    assert told[codec.LATCHED] == deadline - 1
+    own = host.hear(device.frame(SAMPLE, sample(announced, announced + 400_000), **header), deadline + 500_000)
+    assert own[codec.LATCHED] == deadline + 400_000
+    place += 300_000
+    told = host.hear(device.frame(SAMPLE, sample(place, place)), deadline + 700_000)
+    assert abs(told[codec.LATCHED] - deadline - 600_000) < 1000
+    deadline = asked(host, device, deadline + MS) and deadline + 2 * MS
+    for after, fresh in ((2 * MS - 1, False), (2 * MS, True)):  # two periods
+        place = device.clock(deadline + after)
+        told = host.hear(device.frame(SAMPLE, sample(place, place)), deadline + after)
+        assert (told[codec.LATCHED] >= deadline) == fresh
+
+
+def test_an_unasked_sample_from_what_seems_to_come_is_of_now_and_one_too_far_ahead_is_refused():
+    host, device, now = ready()
+    for ahead in (10 * MS + 1000, 10 * MS - 1000):
+        place = device.clock(now + ahead)
+        told = host.hear(device.frame(SAMPLE, sample(place, place)), now)
+    assert host.state[codec.REFUSED] == 1 and told[codec.LATCHED] == now
+
+
+def test_the_answer_to_an_older_command_makes_no_other_sample_fresh_for_the_newer_one():
+    host, device, now = ready()
+    header, older = asked(host, device, now)
+    asked(host, device, now + 500_000)
+    assert host.hear(device.frame(SAMPLE, sample(older, older), **header), now + MS + 100_000) is not None
+    place = device.clock(now + 1_700_000)
+    told = host.hear(device.frame(SAMPLE, sample(place, place)), now + 1_700_000)
+    assert told[codec.LATCHED] == now + 1_500_000 - 1
+
+
+def test_times_of_samples_never_go_back():
+    host, device, now = ready()
+    (header, first), (other, second) = asked(host, device, now), asked(host, device, now + 1000)
+    told = [
+        host.hear(device.frame(SAMPLE, sample(first, first + 900_000), **header), now + 2 * MS),
+        host.hear(device.frame(SAMPLE, sample(second, second), **other), now + 2 * MS),
+    ]
+    assert told[1][codec.LATCHED] == told[0][codec.LATCHED] + 1
+    assert host.hear(device.frame(SAMPLE, sample(first, first)), now + 2 * MS) is None
+    assert host.state[codec.REFUSED] == 0
+
+
+def test_lost_are_the_commands_that_came_due_without_a_sample():
+    host, device, now = ready()
+    exchanged(host, device, now)
+    for i in range(1, 4):
+        host.write(now + i * 2 * MS, now + i * 2 * MS + MS)  # and never come
+    assert host.state[codec.LOST] == 0
+    exchanged(host, device, now + 8 * MS)
+    assert host.state[codec.LOST] == 3
+    for _ in range(5):  # cuts, one after the other: only the last one has a sample
+        device.hear(host.say(codec.CUT, now + 10 * MS), now + 10 * MS)
+    assert [host.hear(reply, now + 12 * MS) is None for reply in device.run(now + 11 * MS)] == [False]
+    assert host.state[codec.LOST] == 3
+    for i in range(4):
+        host.write(now + (12 + 2 * i) * MS, now + (13 + 2 * i) * MS)
+    host.say(codec.IDLE, now + 200 * MS)
+    assert host.state[codec.LOST] == 6  # the last one could have been on its way
+
+
+def test_delay_is_the_time_from_the_write_to_the_effect_and_fades():
+    host, device, now = ready()
+    ways = [30_000] * 3 + [400_000] + [30_000] * 300
+    delays = []
+    for way in ways:
+        deadline = now + MS
+        device.hear(host.write(now, deadline), now + way)
+        for reply in device.run(deadline):
+            host.hear(reply, deadline + way)
+        delays.append(host.state[codec.DELAY] - host.state[codec.CLOCK_ERROR])
+        now = deadline + 500_000
+        host.state[open_frame.HEARD] = now
+    assert abs(delays[2] - 30_000) <= 1000 and abs(delays[3] - 400_000) <= 1000
+    assert all(later <= before for before, later in zip(delays[3:], delays[4:], strict=False))
+    assert delays[-1] == pytest.approx(30_000 + 370_000 * math.exp(-0.3), abs=2000)
+    assert host.state[codec.CLOCK_ERROR] >= 30_000  # half of the least round trip
+
+
+def test_a_device_whose_clock_has_just_begun_tells_no_delay_before_its_first_command():
+    host, device = hosts(), Device(-BEGIN)
+    now = acquainted(host, device, BEGIN)
+    header, deadline = asked(host, device, now)
+    assert host.hear(device.frame(SAMPLE, sample(deadline, deadline, applied=0), **header), now + 2 * MS) is not None
+    assert host.state[codec.DELAY] == 0
+
+
+def test_the_round_trip_is_the_median_and_the_skew_that_of_the_clock():
+    host, device = hosts(), Device(AHEAD, 30e-6)
+    now = acquainted(host, device, BEGIN, way=40_000)
+    for i in range(200):
+        now += 20 * MS
+        for reply in device.hear(host.say(codec.IDLE, now), now + 40_000):
+            host.hear(reply, now + (900_000 if i % 5 == 0 else 80_000))
+    assert host.state[codec.ROUND_TRIP] == 80_000
+    assert host.state[codec.SKEW] == pytest.approx(30_000, abs=500)
+
+
+def test_a_step_of_the_clock_is_counted_and_deadlines_go_on_in_the_new_one():
+    host, device, now = ready()
+    device.ahead += 200_000
+    for _ in range(12):
+        now += 20 * MS
+        for reply in device.hear(host.say(codec.IDLE, now), now + 30_000):
+            host.hear(reply, now + 60_000)
+        assert host.state[codec.READY] == 1
+    assert host.state[codec.CLOCK_STEPS] == 1
+    _, deadline = asked(host, device, now)
+    assert abs(deadline - device.clock(now + MS)) <= 1000
+
+
+@pytest.mark.parametrize("asked_at", [1, -1])
+def test_a_clock_answer_to_no_question_is_refused(asked_at):
+    host, device, now = ready()
+    data = host.say(codec.IDLE, now + 20 * MS)
+    question = unpacked(data)
+    time = struct.unpack("<q", question[5])[0]
+    content = struct.pack("<qqq", time + asked_at, *[device.clock(time)] * 2)
+    host.hear(device.frame(CLOCK_ANSWER, content, answers=question[3]), now + 21 * MS)
+    assert host.state[codec.REFUSED] == 1
+    for refused in (1, 2):  # an answer comes once
+        content = struct.pack("<qqq", time, *[device.clock(time)] * 2)
+        host.hear(device.frame(CLOCK_ANSWER, content, answers=question[3]), now + 21 * MS)
+        assert host.state[codec.REFUSED] == refused
+
+
+def test_what_a_description_may_say_is_read_without_a_compiler():
+    said = "import sys; from haptic_device.link import open_serial, open_udp; sys.exit('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", said]).returncode == 0
+    assert open_serial.Options(port="/dev/ttyACM0").program == "none"
+    assert open_udp.Options(port=4000, program="reference").program == "reference"
+    for options in (open_serial.Options, open_udp.Options):
+        with pytest.raises(ValidationError):
+            options(port="1" if options is open_serial.Options else 1, program="other")
+
+
+# truths
+
+
+@pytest.mark.parametrize("features", [0, 1])
+def test_truths_come_of_simulated_devices_with_their_fields_in_order(features):
+    host, device, now = ready(features=features)
+    numbers = [float(i) for i in range(1, 20)]
+    content = struct.pack("<q19d", device.clock(now), *numbers)
+    for flags, told in ((0, (0, 0)), (1, (1, 0)), (2, (0, 1)), (3, (1, 1))):
+        answer = host.hear(device.frame(TRUTH, content, flags=flags), now)
+        if not features:
+            assert answer is None and host.state[codec.REFUSED] > 0
+            continue
+        assert answer[codec.KIND] == codec.TRUTH
+        last = codec.TRUTH_FIRST + codec.TRUTH_WORDS
+        truth = answer[codec.TRUTH_FIRST : last].view(simulated_device.TRUTH)[0]
+        assert [*truth["position"], *truth["velocity"], *truth["operator_force"]] == numbers[:9]
+        assert [*truth["motor_force"], *truth["target"], *truth["target_velocity"]] == numbers[9:18]
+        assert truth["energy_given"] == 19.0 and (truth["motion_done"], truth["driven"]) == told
+        assert truth["time"] == pytest.approx(now * 1e-9, abs=1e-6)
+
+
+def test_a_truth_before_the_clock_is_known_is_left_alone():
+    host = hosts()
+    session = unpacked(host.say(codec.OPENED, BEGIN))[2]
+    host.hear(packed(GREETING, session, 1, greeting(features=1)), BEGIN)
+    assert host.hear(packed(TRUTH, session, 2, struct.pack("<q19d", 0, *[0.0] * 19)), BEGIN) is None
+    assert host.state[codec.REFUSED] == 0
+
+
+def test_a_truth_with_what_is_no_number_is_refused():
+    host, device, now = ready(features=1)
+    for place in range(19):
+        numbers = [0.0] * 19
+        numbers[place] = math.nan
+        assert host.hear(device.frame(TRUTH, struct.pack("<q19d", 0, *numbers)), now) is None
+    assert host.state[codec.REFUSED] == 19
+
+
+# streams
+
+
+def serial():
+    """A codec of streams that has met a device, by way of what a datagram would have."""
+    host, device = Host(open_serial.codec(None, None)), Device(AHEAD)
+    now, sent = BEGIN, host.say(codec.OPENED, BEGIN)
+    while not host.state[codec.READY]:
+        for data in filter(None, sent.split(b"\0")):
+            for reply in device.hear(unstuffed(data), now):
+                host.hear(stuffed(reply), now)
+        now += 5 * MS
+        sent = host.say(codec.IDLE, now)
+    return host, device, now
+
+
+def test_a_session_on_a_stream_begins_with_a_zero_and_frames_end_with_one():
+    host, device, now = serial()
+    opened = host.say(codec.OPENED, now)
+    assert opened[0] == opened[-1] == 0 and unpacked(unstuffed(opened[1:-1]))[0] == HELLO
+    host, device, now = serial()
+    command = host.write(now, now + MS)
+    assert command[0] != 0 and command[-1] == 0 and 0 not in command[:-1]
+    assert unpacked(unstuffed(command[:-1]))[0] == COMMAND
+
+
+def test_bytes_without_a_zero_are_kept_up_to_the_longest_frame_and_then_dropped():
+    host, _, now = serial()
+    for count, done in ((181, 0), (182, 182)):
+        incoming = np.ones(count, np.uint8)
+        assert host.link.decode(host.state, incoming, count, now, host.answer) == done
+    assert host.state[codec.REFUSED] == 1
+
+
+@given(st.data())
+@settings(max_examples=30, deadline=None)
+def test_a_stream_in_pieces_with_zeros_and_rubbish_between_gives_each_frame(data):
+    host, device, now = serial()
+    stream = b""
+    for i in range(8):
+        time = device.clock(now + i * MS)
+        frame = stuffed(device.frame(SAMPLE, sample(time, time, counts=(i + 1, 0, 0))))
+        between = data.draw(st.binary(max_size=300) | st.just(b""))
+        stream += b"\0" * data.draw(st.integers(0, 3)) + between + (b"\0" if between else b"") + frame
+    kept, told = b"", []
+    while stream:
+        size = data.draw(st.integers(1, 200))
+        kept, stream = kept + stream[:size], stream[size:]
+        while kept:
+            incoming = np.frombuffer(kept, np.uint8).copy()
+            done = host.link.decode(host.state, incoming, len(kept), now + 10 * MS, host.answer)
+            if host.answer[codec.KIND] == codec.SAMPLE:
+                told.append(host.answer[codec.COUNTS])
+            if done == 0:
+                assert host.answer[codec.KIND] == codec.NOTHING
+                break
+            kept = kept[done:]
+        assert len(kept) < 200
+    assert told == list(range(1, 9))
+
+
+# what is no frame
+
+
+@njit
+def _mutated(decode, state, pristine, ends, times, answer):
+    """Gives frames with one to sixteen changed bytes, or cut short, the `ends` last bytes kept; how many were taken."""
+    random, taken, data, count = 88172645463325252, 0, pristine.copy(), pristine.size - ends
+    for _ in range(times):
+        data[:] = pristine
+        length, same = count, True
+        for turn in range(1 + (random & 15)):
+            random ^= random << 13
+            random ^= random >> 7 & (1 << 57) - 1
+            random ^= random << 17
+            place = (random >> 8 & 0xFFFF) % count
+            length = place if turn == 0 and random >> 24 & 7 == 0 else length
+            data[place] ^= random & 0xFF
+        for i in range(count):
+            same = same and data[i] == pristine[i]
+        if same and length == count:
+            continue
+        data[length : length + ends] = pristine[count:]
+        decode(state, data, length + ends, 10**18, answer)
+        taken += answer[0] != 0
+    return taken
+
+
+@pytest.mark.parametrize("stream", [False, True])
+def test_of_100_000_frames_in_all_that_were_damaged_none_is_taken(stream):
+    host, device, now = serial() if stream else ready()
+    header, deadline = asked_on(stream, host, now)
+    whole = device.frame(SAMPLE, sample(deadline, deadline, counts=(1, 2, 3)), **header)
+    pristine = np.frombuffer(stuffed(whole) if stream else whole, np.uint8).copy()
+    taken = _mutated(host.link.decode, host.state, pristine, int(stream), 50_000, host.answer)
+    assert taken == 0 and 49_000 <= host.state[codec.REFUSED] <= 50_000
+    assert host.hear(bytes(pristine), now + 2 * MS)[codec.KIND] == codec.SAMPLE
+
+
+def asked_on(stream, host, now):
+    """As asked, on a line of either kind."""
+    data = host.write(now, now + MS)
+    data = unpacked(unstuffed(data[:-1]) if stream else data)
+    return dict(answers=data[3]), struct.unpack("<q", data[5][:8])[0]
+
+
+WHOLE = st.sampled_from(sorted(LENGTHS)).flatmap(
+    lambda kind: st.tuples(st.just(kind), st.binary(min_size=LENGTHS[kind] - 20, max_size=LENGTHS[kind] - 20))
+)
+
+
+@given(st.lists(st.tuples(WHOLE, st.integers(0, 65535), st.integers(0, 70)), max_size=20))
+@settings(deadline=None)
+def test_whole_frames_of_any_content_give_only_finite_samples_in_time(frames):
+    host, device, now = ready(features=1)
+    host.write(now, now + MS)
+    for (kind, payload), flags, answers in frames:
+        answer = host.hear(device.frame(kind, payload, flags=flags, answers=answers), now + 2 * MS)
+        if answer is not None:
+            assert kind in (SAMPLE, TRUTH)
+            assert np.isfinite(answer.view(np.float64)[codec.DRAG : codec.DRAG + 3]).all() or kind == TRUTH
+            assert kind == TRUTH or answer[codec.LATCHED] <= now + 12 * MS
+
+
+@given(st.binary(max_size=200))
+@settings(deadline=None)
+def test_bytes_by_chance_are_refused(data):
+    host = hosts()
+    host.say(codec.OPENED, BEGIN)
+    assert host.hear(data, BEGIN) is None and host.state[codec.REFUSED] == 1
+
+
+class Line(RuleBasedStateMachine):
+    """A line that loses, doubles, reorders and damages frames; a servo that writes; a device that starts anew."""
+
+    STRAY = 123_456  # counts that only strangers tell
+
+    def __init__(self):
+        super().__init__()
+        self.host, self.device, self.now = ready()
+        self.to_device, self.to_host, self.old = [], [], []
+        self.announced, self.latched = [], -(2**63)  # (deadline, period, sequence, device's deadline)
+
+    def send(self, data):
+        if not data:
+            return
+        self.to_device.append(data)
+        kind, _, session, sequence, _, payload = unpacked(data)
+        if kind == HELLO and sequence == 1:
+            self.announced = []
+        if kind == COMMAND:
+            self.announced.append((*self.command, sequence, struct.unpack("<q", payload[:8])[0]))
+
+    def give(self, data):
+        """Gives a frame to the host, and judges what becomes of it."""
+        answer = self.host.hear(data, self.now)
+        if answer is None or answer[codec.KIND] != codec.SAMPLE:
+            return
+        _, _, session, _, answers, payload = unpacked(data)
+        latched, deadline = answer[codec.LATCHED], answer[codec.DEADLINE]
+        assert latched > self.latched, "times of samples never go back"
+        self.latched = latched
+        assert session == self.host.state[open_frame.SESSION]
+        assert answer[codec.COUNTS] == session & 0xFFFF, "counts are of this session"
+        if deadline:
+            echo = struct.unpack("<q", payload[:8])[0]
+            assert (deadline, answers, echo) in [(one[0], *one[2:]) for one in self.announced]
+            assert latched >= deadline
+        elif self.announced and self.now < self.announced[-1][0] + 2 * self.announced[-1][1]:
+            answered = {int(one[codec.DEADLINE]) for one in self.host.heard}
+            assert self.announced[-1][0] in answered or latched < self.announced[-1][0], "fresh only by an echo"
+
+    def flow(self, kept):
+        self.device.counts = [self.device.session & 0xFFFF] * 3
+        self.to_host += self.device.run(self.now)
+        self.old = (self.old + self.to_host)[-50:]
+        if kept:
+            while self.to_device:
+                self.to_host += self.device.hear(self.to_device.pop(0), self.now)
+            while self.to_host:
+                self.give(self.to_host.pop(0))
+
+    @rule(steps=st.integers(1, 30), kept=st.booleans())
+    def wait(self, steps, kept):
+        for _ in range(steps):
+            self.now += 5 * MS
+            self.send(self.host.say(codec.IDLE, self.now))
+            self.flow(kept)
+
+    @rule(ticks=st.integers(1, 5), period=st.sampled_from((MS, 250_000, 4 * MS)), kept=st.booleans())
+    def servo(self, ticks, period, kept):
+        for _ in range(ticks):
+            self.command = self.now + period, period
+            self.send(self.host.write(self.now, *self.command[:1], (0.5, 0.5, 0.0), period))
+            self.flow(kept)
+            self.now += period + 50_000
+            self.flow(kept)
+
+    @rule()
+    def cut(self):
+        period = int(self.host.state[open_frame.HELD_FOR])
+        self.command = self.now + period, period
+        self.send(self.host.say(codec.CUT, self.now))
+
+    @rule()
+    def opened(self):
+        self.send(self.host.say(codec.OPENED, self.now))
+
+    @rule()
+    def device_starts_anew(self):
+        self.device = Device(AHEAD // 3)
+
+    @rule(step=st.sampled_from((200_000, -200_000, 5 * MS, -(10**12))))
+    def clock_steps(self, step):
+        self.device.ahead += step
+
+    @precondition(lambda self: self.to_device)
+    @rule(data=st.data(), again=st.booleans())
+    def device_hears(self, data, again):
+        place = data.draw(st.integers(0, len(self.to_device) - 1))
+        frame = self.to_device[place] if again else self.to_device.pop(place)
+        self.to_host += self.device.hear(frame, self.now)
+
+    @precondition(lambda self: self.to_host)
+    @rule(data=st.data(), again=st.booleans())
+    def host_hears(self, data, again):
+        place = data.draw(st.integers(0, len(self.to_host) - 1))
+        self.give(self.to_host[place] if again else self.to_host.pop(place))
+
+    @rule(lost=st.integers(1, 20))
+    def line_loses(self, lost):
+        del self.to_device[:lost], self.to_host[:lost]
+
+    @precondition(lambda self: self.old)
+    @rule(data=st.data())
+    def host_hears_what_is_long_past(self, data):
+        self.give(self.old[data.draw(st.integers(0, len(self.old) - 1))])
+
+    @precondition(lambda self: self.old)
+    @rule(data=st.data(), bit=st.integers(0, 8 * 72 - 1))
+    def host_hears_what_is_damaged(self, data, bit):
+        frame = bytearray(self.old[data.draw(st.integers(0, len(self.old) - 1))])
+        frame[bit // 8 % len(frame)] ^= 1 << bit % 8
+        refused = self.host.state[codec.REFUSED]
+        assert self.host.hear(frame, self.now) is None and self.host.state[codec.REFUSED] == refused + 1
+
+    @rule(session=st.integers(1, 2**32 - 1), answers=st.integers(0, 100))
+    def host_hears_a_stranger(self, session, answers):
+        now = self.device.clock(self.now)
+        self.give(packed(SAMPLE, session, 2**31 - 1, sample(now, now, counts=(self.STRAY,) * 3), answers=answers))
+
+    @invariant()
+    def a_link_that_is_ready_has_been_greeted(self):
+        assert not self.host.state[codec.READY] or self.host.state[open_frame.GREETED]
+
+
+TestLine = Line.TestCase
+TestLine.settings = settings(max_examples=150, stateful_step_count=30, deadline=None)
