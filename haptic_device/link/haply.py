@@ -31,7 +31,6 @@ from haptic_device.link.codec import (
     COUNTS,
     CUT,
     DEADLINE,
-    DELAY,
     DUE,
     IDLE,
     KIND,
@@ -39,10 +38,8 @@ from haptic_device.link.codec import (
     LOST,
     NO_TEMPERATURE,
     OPENED,
-    OWN,
     READY,
     REFUSED,
-    ROUND_TRIP,
     SAMPLE,
     SESSIONS,
     STATUS,
@@ -73,19 +70,15 @@ SERVES = {  # generation: encoder counts a turn, rest pose [deg] and direction (
 
 SETUP_BYTES = 26
 OFFSETS = (10, 18)  # of the setup's bytes: where the angles stand, by port
+FIRST = request_timing.END
 (
     PHASE,
     WAIT,  # [ns] time before which nothing more is sent
     QUIET,  # [ns] how long the line has to be quiet
     OWED,  # answers that have not come
     ASKED_FOR,
-    SENT,
     REQUEST_DEADLINE,
-    WRITTEN,  # of the torques held, by the servo
-    UNSENT,  # 1: they have not been sent
-    CARRIED,  # WRITTEN of the torques that the last request took to the board first; 0: they were there already
     LAST_COMMAND,
-    LAST_LATCHED,
     IS_CLAMPED,
     IS_SHIFTED,  # 1: set up anew, and no command has come since that lets the motors on
     STOP_DUE,  # 1: zero torque is to be sent before all else
@@ -93,12 +86,10 @@ OFFSETS = (10, 18)  # of the setup's bytes: where the angles stand, by port
     KNOWN,  # 1: an answer has come since the line was opened
     RESOLUTION,
     BYTES,  # scratch: two float32
-) = range(OWN, OWN + 19)
-TORQUES, LIMITS, LAST_COUNTS = OWN + 19, OWN + 21, OWN + 23  # of joints 1, 2; float64 bits, but for the counts
-SETUP = OWN + 25  # the setup's bytes, in four words
-ROUND_TRIPS = OWN + 29
-DELAYS = ROUND_TRIPS + request_timing.HEAD + request_timing.MEDIAN_OF
-STATE = DELAYS + request_timing.HEAD + request_timing.WORST_OF
+) = range(FIRST, FIRST + 14)
+TORQUES, LIMITS, LAST_COUNTS = range(FIRST + 14, FIRST + 20, 2)  # of joints 1, 2; float64 bits, but for the counts
+SETUP = FIRST + 20  # the setup's bytes, in four words
+STATE = SETUP + 4
 
 CLOSED, WAS_RESET, WAS_SET_UP, ASKING, SILENT = range(5)  # phases
 FOR_NOTHING, FOR_EFFECT, FOR_SAMPLE, FOR_LOOK = range(4)  # what the answer is wanted for
@@ -140,17 +131,16 @@ def _ask(state, now, wanted, outgoing, at):
     floats = state[BYTES : BYTES + 1].view(np.float32)
     floats[0], floats[1] = reals[TORQUES + 1], reals[TORQUES]  # by port
     outgoing[at + 2 : at + FRAME] = state[BYTES : BYTES + 1].view(np.uint8)
-    state[CARRIED] = state[WRITTEN] if state[UNSENT] else 0
-    state[UNSENT] = 0
     state[OWED] += 1
-    state[ASKED_FOR], state[SENT] = wanted, now
+    state[ASKED_FOR] = wanted
+    request_timing.asked(state, now)
     return at + FRAME
 
 
 @njit
 def _zero(state):
     state[TORQUES] = state[TORQUES + 1] = 0
-    state[UNSENT] = state[IS_CLAMPED] = 0
+    state[request_timing.UNSENT] = state[IS_CLAMPED] = 0
 
 
 @njit
@@ -176,7 +166,7 @@ def _set_up(state, now, outgoing):
 
 @njit
 def _fall_silent(state, now, quiet):
-    """Nothing that the board says now can be told apart: motors off, and no more asking for `quiet` ns without a byte."""
+    """What the board says now cannot be told apart: motors off, and no more asking for `quiet` ns without a byte."""
     state[LOST] += state[ASKED_FOR] == FOR_SAMPLE and state[OWED] > 0
     state[READY] = state[OWED] = 0
     state[PHASE], state[QUIET], state[WAIT] = SILENT, quiet, now + quiet
@@ -188,7 +178,7 @@ def _hold(state, command):
     """Takes the torques of a command, within limits; zero for both if one of them is no number."""
     reals, wanted = state.view(np.float64), command.view(np.float64)
     _zero(state)
-    state[WRITTEN], state[UNSENT] = command[1], 1
+    request_timing.held(state, command[1])
     if not (np.isfinite(wanted[5]) and np.isfinite(wanted[6])):
         state[REFUSED] += 1
         return
@@ -248,7 +238,7 @@ def _encode(state, event, now, command, outgoing):
     if event == COMMAND:
         state[LAST_COMMAND] = now
         _hold(state, command)
-    if state[PHASE] == ASKING and state[OWED] > 0 and now - state[SENT] > ANSWERED_WITHIN:
+    if state[PHASE] == ASKING and state[OWED] > 0 and now - state[request_timing.SENT] > ANSWERED_WITHIN:
         _fall_silent(state, now, ANSWERED_WITHIN if state[READY] else BOARD_GIVES_UP)
     if state[PHASE] != ASKING or state[OWED] > 0:
         state[LOST] += event == DUE
@@ -256,7 +246,7 @@ def _encode(state, event, now, command, outgoing):
     if event == DUE:
         state[REQUEST_DEADLINE] = command[2]
         return _ask(state, now, FOR_SAMPLE, outgoing, 0)
-    if event == COMMAND or (event == IDLE and state[UNSENT]):
+    if event == COMMAND or (event == IDLE and state[request_timing.UNSENT]):
         return _ask(state, now, FOR_EFFECT, outgoing, 0)
     if event == IDLE and now - state[LAST_COMMAND] > UNASKED:
         return _ask(state, now, FOR_LOOK, outgoing, 0)
@@ -301,31 +291,16 @@ def _take(state, now, degrees, answer):
     state[SESSIONS] += state[IS_NEW]
     state[IS_NEW] = 0
     state[READY] = state[KNOWN] = 1
-    _time(state, now)
+    request_timing.answered(state, now)
     if state[ASKED_FOR] == FOR_SAMPLE or state[ASKED_FOR] == FOR_LOOK:
         _tell(state, now, answer)
 
 
 @njit
-def _time(state, now):
-    request_timing.note(state, ROUND_TRIPS, request_timing.MEDIAN_OF, now - state[SENT])
-    state[ROUND_TRIP] = request_timing.median(state, ROUND_TRIPS, request_timing.MEDIAN_OF)
-    if state[CARRIED]:
-        request_timing.note(state, DELAYS, request_timing.WORST_OF, _middle(state, now) - state[CARRIED])
-        state[DELAY] = request_timing.worst(state, DELAYS, request_timing.WORST_OF)
-
-
-@njit
-def _middle(state, now):
-    """When the board took the request, at best guess [ns]: half way from sending to receiving."""
-    return state[SENT] + (now - state[SENT]) // 2
-
-
-@njit
 def _tell(state, now, answer):
     deadline = state[REQUEST_DEADLINE] if state[ASKED_FOR] == FOR_SAMPLE else 0
-    state[LAST_LATCHED] = max(state[LAST_LATCHED], deadline, _middle(state, now))
-    answer[KIND], answer[LATCHED], answer[DEADLINE] = SAMPLE, state[LAST_LATCHED], deadline
+    answer[KIND], answer[LATCHED] = SAMPLE, request_timing.latched(state, deadline, now)
+    answer[DEADLINE] = deadline
     answer[STATUS] = CLAMPED * state[IS_CLAMPED] + BROKEN * state[IS_SHIFTED]
     for i in range(2):
         answer[COUNTS + i] = state[LAST_COUNTS + i]

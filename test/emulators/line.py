@@ -34,7 +34,7 @@ class Line:
 
 class Log:
     def __init__(self, path):
-        self._file = open(path, "w", buffering=1)  # noqa: SIM115: it lives as long as the process
+        self._file = open(path, "w", buffering=1)  # noqa: SIM115
 
     def tell(self, word, *what):
         print(time.monotonic_ns(), word, *what, file=self._file)
