@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lines of text of an fdcanusb, an adapter to CAN FD: `can send ADDRESS DATA FLAGS` to it, `rcv ADDRESS DATA …` from it.
+"""Lines of text of an fdcanusb, an adapter to CAN FD: `can send ADDRESS DATA FLAGS` to it, `rcv ADDRESS DATA …` back.
 
-ADDRESS and DATA are hexadecimal. `data` is the bytes of a frame, room for 64. `line` is bytes that have come, `end` where
-the line ends in them, without what ends it.
+ADDRESS and DATA are hexadecimal. `data` is the bytes of a frame, room for 64. `line` is bytes that have come, `end`
+where the line ends in them, without what ends it.
 """
 
 import numpy as np

@@ -18,6 +18,7 @@ known last in place of the rest pose. How far the arms have moved meanwhile nobo
 with the motors at zero, until a command comes that is not engaged and wants none.
 """
 
+import functools
 from typing import Literal
 
 import numpy as np
@@ -111,7 +112,7 @@ def codec(options, device) -> Codec:
     limits = [min(TORQUE_LIMIT, axis.motor_limit / axis.motor_constant) for axis in device.axes]
     state.view(np.float64)[LIMITS : LIMITS + 2] = limits
     state[SETUP:].view(np.uint8)[:SETUP_BYTES] = np.frombuffer(setup_bytes(options.generation), np.uint8)
-    return Codec(state, encoder(_encode), decoder(_decode), asks=True)
+    return Codec(state, *_compiled(), asks=True)
 
 
 def setup_bytes(generation: int) -> bytes:
@@ -304,3 +305,8 @@ def _tell(state, now, answer):
     answer[STATUS] = CLAMPED * state[IS_CLAMPED] + BROKEN * state[IS_SHIFTED]
     for i in range(2):
         answer[COUNTS + i] = state[LAST_COUNTS + i]
+
+
+@functools.cache
+def _compiled():
+    return encoder(_encode), decoder(_decode)

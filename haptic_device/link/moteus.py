@@ -12,6 +12,7 @@ A drive that has not heard a command for the time `watchdog` goes into a mode th
 it leaves a fault. It is stopped by a command that is not engaged and wants no torque.
 """
 
+import functools
 from typing import Annotated
 
 import numpy as np
@@ -105,7 +106,7 @@ def codec(options, device) -> Codec:
     state[TEMPERATURE], state[AXES], state[WATCHDOG] = NO_TEMPERATURE, axes, round(options.watchdog * 1e9)
     state[IDS : IDS + axes], reals[TIME_BITS] = options.ids, options.watchdog
     reals[LIMITS : LIMITS + axes] = [axis.motor_limit / axis.motor_constant for axis in device.axes]
-    return Codec(state, encoder(_encode), decoder(_decode), asks=True)
+    return Codec(state, *_compiled(), asks=True)
 
 
 @njit
@@ -385,3 +386,8 @@ def _status(state):
             else:
                 status |= CUT_OFF
     return status
+
+
+@functools.cache
+def _compiled():
+    return encoder(_encode), decoder(_decode)
