@@ -13,10 +13,11 @@ from typing import NamedTuple
 import numpy as np
 import waiting
 
-from haptic_device import description
+from haptic_device import description, yaml_reader
 from haptic_device.link import codec, request_timing
 from haptic_device.link.codec import COMMAND, CUT, DUE, IDLE, OPENED
 
+DEVICES = Path(__file__).parents[1] / "config/devices"
 EMULATORS = Path(__file__).parent / "emulators"
 MS = 1_000_000  # [ns]
 PATIENCE = 0.05  # [s] for an answer: longer than a codec's
@@ -43,6 +44,14 @@ def device(axes, motor_limit=1000.0, motor_constant=1.0):
     return description.parse(
         {"name": "tested", "axes": [axis | {"name": n} for n in description.AXES[:axes]]}, "tested"
     )
+
+
+def described(name, kind):
+    """(options, device) of a description in config/devices with a link of this kind."""
+    content = yaml_reader.load(DEVICES / f"{name}.yaml")
+    link = content.pop("link")
+    assert link.pop("type") == kind.__name__.rpartition(".")[2]
+    return kind.Options(**link), description.parse(content, name)
 
 
 class Host:
@@ -138,9 +147,10 @@ class PortHost(Host):
         os.write(self._file, data)
 
     def look(self):
-        """What happens without a servo."""
+        """What happens without a servo, until the device is ready."""
         self.listen()
-        self.idle()
+        if not self.state[codec.READY]:
+            self.idle()
 
     def sample(self, *motor, engaged=1):
         """One turn of a servo: these motor values written, and the sample of the deadline that they announce."""
@@ -151,13 +161,13 @@ class PortHost(Host):
         if not self.write(*motor, ahead=0, engaged=engaged):
             self.listen()  # it still waits for an answer
             return None
-        self._exchange()
+        self.exchange()
         if not self.due():
             return None
-        return next((sample for sample in self._exchange() if sample.deadline), None)
+        return next((sample for sample in self.exchange() if sample.deadline), None)
 
-    def _exchange(self):
-        """Samples until all that was asked for is answered, or has not come in time."""
+    def exchange(self):
+        """Samples until what was asked for is answered, or has not come in time."""
         before, began, samples = self._exchanges(), time.monotonic(), []
         while self._exchanges() == before and time.monotonic() - began < PATIENCE:
             samples += self.listen(0.001)

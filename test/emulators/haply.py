@@ -2,14 +2,15 @@
 """A Haply 2DIY's board: `python haply.py LOG`. As the board's, its firmware waits for what is missing of a frame.
 
 It has no watchdog: the last torque is held whatever becomes of the host, and a reset does not take it back. A frame
-that is cut short holds it up for a second. The log has `reset`, `setup BYTES`, `write BYTES` and `torque 1 2` [N m].
+that is cut short holds it up for a second. The log has `reset BYTES`, `setup BYTES`, `write BYTES`,
+`short` and `torque 1 2` [N m]. It takes an order of its own on standard input, `turn 1 2` [rad]: where the joints are.
 """
 
 import math
 import struct
 import sys
 
-from line import Joint, Line, Log
+from line import Joint, Line, Log, Orders, run
 
 PATIENCE = 1.0  # [s] for the rest of a frame
 REACH = 3.0  # [rad] from where the arms lay; there they stand still
@@ -42,7 +43,7 @@ class Board:
                 self._write(device)
             elif kind == 0:
                 self._forget()
-                self._log.tell("reset")
+                self._log.tell("reset", bytes([kind, device]).hex())
         except Short:
             self._log.tell("short")
 
@@ -104,10 +105,13 @@ class Board:
         ]
         self._line.write(bytes([device]) + struct.pack(f"<{len(angles)}f", *angles))
 
+    def order(self, words):
+        for joint, angle in zip(self.joints, words[1:], strict=True):
+            joint.angle = float(angle)
+
 
 if __name__ == "__main__":
     line = Line()
     board = Board(line, Log(sys.argv[1]))
     print(line.path, flush=True)
-    while True:
-        board.serve()
+    run(board.serve, Orders(board.order).serve)

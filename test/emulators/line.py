@@ -5,12 +5,21 @@ An emulator is a program of its own. It prints the path of its port, and writes 
 a time [ns of CLOCK_MONOTONIC], a word, and what it tells.
 """
 
+import contextlib
 import os
 import select
 import time
 import tty
 
 STEP = 0.0002  # [s] longest step of a plant
+
+
+def run(*steps):
+    """Takes these steps in turn until the process is interrupted."""
+    with contextlib.suppress(KeyboardInterrupt):
+        while True:
+            for step in steps:
+                step()
 
 
 class Line:
@@ -38,6 +47,23 @@ class Log:
 
     def tell(self, word, *what):
         print(time.monotonic_ns(), word, *what, file=self._file)
+
+
+class Orders:
+    """Lines on standard input, for the emulator itself: `obey` is called with the words, then it says done."""
+
+    def __init__(self, obey):
+        self._obey, self._text, self._open = obey, b"", True
+
+    def serve(self):
+        if not self._open or not select.select([0], [], [], 0)[0]:
+            return
+        read = os.read(0, 4096)
+        self._open = bool(read)
+        *orders, self._text = (self._text + read).split(b"\n")
+        for order in orders:
+            self._obey(order.decode().split())
+            print("done", flush=True)
 
 
 class Joint:

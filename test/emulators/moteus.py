@@ -3,20 +3,18 @@
 
 A drive turns its motor by what the last position command said, and falls into mode 11 where none has come for the
 command's time limit; it leaves that, and a fault, only by a stop. Of the position mode there is the torque fed forward:
-gains other than 0 are no part of it. Lines may end with a checksum, and are then answered with one.
+gains other than 0 are no part of it.
 
 The log has `line LINE` as it came, `torque ID N·m` at each change of what the motor does, and `mode ID MODE`. A drive
 takes orders of its own on standard input: `ID fault CODE`, `ID temperature DEGREES`, `ID turn REVOLUTIONS`.
 """
 
 import math
-import os
-import select
 import struct
 import sys
 import time
 
-from line import Joint, Line, Log
+from line import Joint, Line, Log, Orders, run
 
 STOPPED, FAULT, POSITION, TIMEOUT = 0, 1, 10, 11
 MODE, PLACE, SPEED, TORQUE, VOLTAGE, TEMPERATURE, FAULT_CODE = 0x00, 0x01, 0x02, 0x03, 0x0D, 0x0E, 0x0F
@@ -34,20 +32,10 @@ LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)  # of CAN FD frames
 USUAL_LIMIT = 0.1  # [s]
 
 
-def checksum(text):
-    """CRC of 8 bits with the polynomial 0x97, most significant bit first."""
-    crc = 0
-    for byte in text:
-        crc ^= byte
-        for _ in range(8):
-            crc = (crc << 1 ^ 0x97 if crc & 0x80 else crc << 1) & 0xFF
-    return crc
-
-
 class Drive:
     def __init__(self, name, log):
         self._name, self._log = name, log
-        self.motor = Joint(6e-5, 1e-3)
+        self.motor = Joint(2.5e-4, 0.0125)
         self._mode, self.fault, self.temperature = STOPPED, 0, 25.0
         self._until = math.inf
 
@@ -137,16 +125,13 @@ class Bus:
                 self._take(line)
 
     def _take(self, line):
-        checked = line[-3:-2] == b"*"
-        if checked and checksum(line[:-3]) != int(line[-2:], 16):
-            return self._say("ERR checksum mismatch", checked)
-        words = line[:-3].split() if checked else line.split()
+        words = line.split()
         if words[:2] != [b"can", b"send"] or len(words) < 4:
-            return self._say("ERR unknown command", checked)
+            return self._say("ERR unknown command")
         address, data = int(words[2], 16), bytes.fromhex(words[3].decode())
         if len(data) not in LENGTHS or b"F" not in words[4]:
-            return self._say("ERR no such frame", checked)
-        self._say("OK", checked)
+            return self._say("ERR no such frame")
+        self._say("OK")
         drive = self._drives.get(address & 0x7F)
         if drive is None:
             return None
@@ -154,15 +139,11 @@ class Bus:
         if address & 0x8000 and told:
             told += b"\x50" * (min(length for length in LENGTHS if length >= len(told)) - len(told))
             back = (address & 0x7F) << 8 | address >> 8 & 0x7F
-            self._say(f"rcv {back:x} {told.hex().upper()} E B F", checked)
+            self._say(f"rcv {back:x} {told.hex().upper()} E B F")
         return None
 
-    def _say(self, text, checked):
-        said = text.encode()
-        if checked:
-            said += b" "
-            said += b"*%02X" % checksum(said)
-        self._line.write(said + b"\r\n")
+    def _say(self, text):
+        self._line.write(text.encode() + b"\r\n")
 
     def order(self, words):
         drive = self._drives[int(words[0])]
@@ -178,13 +159,4 @@ if __name__ == "__main__":
     line, log = Line(), Log(sys.argv[1])
     bus = Bus(line, log, {int(name): Drive(name, log) for name in sys.argv[2:]})
     print(line.path, flush=True)
-    orders, listening = b"", True
-    while True:
-        bus.serve()
-        if listening and select.select([0], [], [], 0)[0]:
-            read = os.read(0, 4096)
-            listening = bool(read)
-            *whole, orders = (orders + read).split(b"\n")
-            for order in whole:
-                bus.order(order.decode().split())
-                print("done", flush=True)
+    run(bus.serve, Orders(bus.order).serve)

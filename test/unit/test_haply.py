@@ -355,6 +355,16 @@ def test_options_that_are_none_are_refused(options):
         haply.Options(**options)
 
 
+def test_the_described_device_lies_at_rest_within_its_workspace_and_its_motors_stand_what_it_says():
+    options, device = codec_host.described("haply_2diy", haply)
+    assert haply.codec(options, device).asks
+    for axis, count, angle in zip(device.axes, COUNTS, (53.0, -53.0), strict=True):
+        place = axis.zero + count / axis.counts_per_unit
+        assert place == pytest.approx(0.07 * math.radians(angle), abs=1e-4)
+        assert axis.workspace[0] < place < axis.workspace[1]
+        assert axis.motor_limit / axis.motor_constant == pytest.approx(0.123, rel=1e-4)
+
+
 @pytest.fixture
 def board(start, tmp_path):
     return codec_host.Emulator(start, "haply", tmp_path / "log")

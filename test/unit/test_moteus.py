@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from haptic_device.control import passivity
 from haptic_device.link import moteus
 from haptic_device.link.codec import (
     AXES,
@@ -334,6 +335,14 @@ def test_options_out_of_bounds_are_refused_and_those_within_are_taken(key, bad, 
     assert getattr(moteus.Options(**whole | {key: good}), key) == good
     with pytest.raises(ValidationError):
         moteus.Options(**whole | {key: bad})
+
+
+def test_the_described_knob_carries_the_drivers_own_coupling_at_1_khz_with_1_ms_of_delay():
+    options, device = codec_host.described("moteus_knob", moteus)
+    assert moteus.codec(options, device).asks
+    (axis,) = device.axes
+    assert axis.counts_per_unit * 2 * math.pi * 0.05 == pytest.approx(100_000)
+    assert passivity.coupling_damping(1000.0, 1.0, 1e-3, 1e-3) < axis.damping
 
 
 @pytest.fixture
