@@ -147,10 +147,9 @@ class PortHost(Host):
         os.write(self._file, data)
 
     def look(self):
-        """What happens without a servo, until the device is ready."""
+        """What happens without a servo."""
+        self.idle()
         self.listen()
-        if not self.state[codec.READY]:
-            self.idle()
 
     def sample(self, *motor, engaged=1):
         """One turn of a servo: these motor values written, and the sample of the deadline that they announce."""
