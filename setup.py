@@ -26,12 +26,14 @@ BROWSER = [
     "axe-playwright-python>=0.1.4",
     "playwright>=1.50",
 ]
+MAKERS = ["HaplyHAPI>=1.0.1", "moteus>=1.1"]  # the makers' own clients, which tests compare the links with
 TEST = [
     "colcon-common-extensions>=0.3",
     "hypothesis>=6.100",
     "import-linter>=2.3",
     "mypy>=1.15",
     *DATAFRAME,
+    *MAKERS,
     *SWEEP,
     "pytest>=8",
     "pytest-timeout>=2.3",
@@ -100,6 +102,7 @@ setup(
         "bench": BENCH,
         "browser": BROWSER,
         "dataframe": DATAFRAME,
+        "makers": MAKERS,
         "ros": ROS,
         "sweep": SWEEP,
         "test": TEST,

@@ -1,0 +1,406 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The link to a Haply 2DIY: its bytes, who waits for whom, and that nothing on the line leaves the motors on."""
+
+import math
+import struct
+
+import codec_host
+import numpy as np
+import pytest
+import waiting
+from codec_host import MS, Host
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from haptic_device.link import haply
+from haptic_device.link.codec import DELAY, LOST, NO_TEMPERATURE, READY, REFUSED, ROUND_TRIP, SESSIONS, TEMPERATURE
+
+ZERO = bytes.fromhex("02050000000000000000")
+SETUPS = {
+    3: "01 05 03 01 01 03 01 01 00 00 00 00 40 41 00 80 98 45 00 00 28 43 00 80 98 45",
+    2: "01 05 03 00 01 03 00 01 00 00 00 00 74 c2 00 00 28 46 00 00 71 43 00 00 28 46",
+}
+RESOLUTIONS = {3: 4880, 2: 10752}
+RESET = bytes(2)
+COUNTS = 2277, 163  # of the rest pose of generation 3
+
+
+def made(generation=3, motor_limit=1000.0, motor_constant=1.0):
+    options = haply.Options(port="/dev/none", generation=generation)
+    return haply.codec(options, codec_host.device(2, motor_limit, motor_constant))
+
+
+def request(first, second):
+    """The frame with these torques of motors 1 and 2 [N m]."""
+    return struct.pack("<BBff", 2, 5, second, first)
+
+
+def reply(counts=COUNTS, resolution=4880):
+    """The answer of a board with these counts of joints 1 and 2."""
+    return struct.pack("<Bff", 5, *(np.float32(360.0 / resolution) * np.float32(count) for count in reversed(counts)))
+
+
+def opened(**given):
+    """A host that has set its board up, to which it has answered."""
+    host = Host(made(**given))
+    host.open()
+    host.idle(after=20 * MS)
+    assert host.idle(after=20 * MS) == ZERO
+    assert host.hear(reply(), after=MS) == [] and host.state[READY]
+    return host
+
+
+@pytest.mark.parametrize("generation", [2, 3])
+def test_the_board_is_reset_set_up_and_asked_with_no_torque_each_when_the_one_before_had_time(generation):
+    host = Host(made(generation))
+    assert host.idle() == host.due() == host.write(0.1, 0.1) == host.cut() == b""
+    assert host.open() == RESET
+    assert host.idle(after=20 * MS - 1) == b""
+    assert host.idle(after=1) == bytes.fromhex(SETUPS[generation])
+    assert host.write(0.1, 0.1, after=20 * MS - 1) == b""
+    assert host.idle(after=1) == ZERO
+    assert not host.state[READY]
+    assert host.hear(reply()) == []
+    assert host.state[READY] and host.state[SESSIONS] == 1 and host.state[REFUSED] == 0
+
+
+def test_what_the_board_says_before_it_is_asked_is_nothing():
+    host = Host(made())
+    host.open()
+    assert host.hear(reply() + b"x") == []
+    host.idle(after=20 * MS)
+    assert host.hear(b"y") == []
+    assert host.idle(after=20 * MS) == ZERO
+    host.hear(reply())
+    assert host.state[READY] and host.state[REFUSED] == 0
+
+
+def test_a_command_sends_its_torques_and_the_deadline_sends_them_again_and_brings_the_sample():
+    host = opened()
+    assert host.write(0.05, -0.02) == request(0.05, -0.02)
+    assert host.hear(reply(), after=MS // 2) == []
+    assert host.due(after=MS // 2) == request(0.05, -0.02)
+    deadline = int(host.command[2])
+    (sample,) = host.hear(reply((-100, 2000)), after=400_000)
+    assert sample == (host.now - 200_000, 0, (-100, 2000, 0), deadline)
+    assert sample.latched == deadline + 200_000
+
+
+def test_a_sample_is_never_before_its_deadline_nor_before_the_last_one():
+    host = opened()
+    host.write(0.0, 0.0, ahead=5 * MS)
+    host.hear(reply())
+    host.due()  # before its time
+    (sample,) = host.hear(reply(), after=10)
+    assert sample.latched == sample.deadline == host.now + 5 * MS - 10
+    host.write(0.0, 0.0, ahead=0)
+    host.hear(reply())
+    host.due()
+    (later,) = host.hear(reply(), after=10)
+    assert later.deadline == host.now - 10 and later.latched == sample.latched
+
+
+def test_without_commands_the_joints_are_watched_after_20_ms():
+    host = opened()
+    host.write(0.1, 0.0)
+    host.hear(reply())
+    assert host.idle(after=20 * MS) == b""
+    assert host.idle(after=1) == request(0.1, 0.0)  # only CUT takes a torque back
+    (sample,) = host.hear(reply((5, 6)), after=2 * MS)
+    assert sample == (host.now - MS, 0, (5, 6, 0), 0)
+
+
+@pytest.mark.parametrize("limit, constant, most", [(1000.0, 1.0, 0.123), (0.7, 14.0, 0.05), (0.123, 1.0, 0.123)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_torque_at_the_limit_is_sent_and_one_above_is_cut_down_and_told(limit, constant, most, sign):
+    host = opened(motor_limit=limit, motor_constant=constant)
+    most = min(most, limit / constant)
+    for wanted, status in ((most, 0), (math.nextafter(most, 1.0), 128), (math.inf, None)):
+        for axis in range(2):
+            torques, held = [0.01, 0.01], [0.01, 0.01]
+            torques[axis], held[axis] = sign * wanted, sign * most
+            expected = request(*held) if status is not None else ZERO
+            assert host.write(*torques) == expected
+            host.hear(reply())
+            host.due(after=MS)
+            (sample,) = host.hear(reply())
+            assert sample.status == (status or 0)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_torque_that_is_no_number_switches_both_motors_off_and_is_counted(bad, axis):
+    host = opened()
+    torques = [0.1, 0.1]
+    torques[axis] = bad
+    assert host.write(*torques) == ZERO
+    assert host.state[REFUSED] == 1
+
+
+def test_nothing_is_asked_before_the_last_answer_is_there():
+    host = opened()
+    assert host.write(0.1, 0.1)
+    assert host.due(after=MS) == b"" and host.state[LOST] == 1
+    assert host.write(0.05, 0.05, after=MS) == host.idle(after=MS) == b""
+    host.hear(reply()[:8])
+    assert host.idle(after=MS) == b""
+    host.hear(reply()[8:])
+    assert host.idle(after=MS) == request(0.05, 0.05)  # what the servo wrote last, as soon as may be
+
+
+def test_an_answer_that_is_missing_for_20_ms_switches_the_motors_off_and_the_board_is_asked_anew_when_all_is_quiet():
+    host = opened()
+    host.write(0.1, 0.1)
+    host.hear(reply())
+    host.due()
+    assert host.idle(after=20 * MS) == b"" and host.state[READY]
+    assert host.write(0.1, 0.1, after=1) == ZERO
+    assert not host.state[READY] and host.state[LOST] == 1
+    assert host.write(0.1, 0.1, after=10 * MS) == b""
+    assert host.hear(reply() + reply()) == []  # both answers come after all
+    assert host.write(0.1, 0.1, after=20 * MS - 1) == b""
+    assert host.write(0.1, 0.1, after=1) == ZERO
+    host.hear(reply())
+    assert host.state[READY] and host.state[SESSIONS] == 1
+    assert host.write(0.1, 0.1) == request(0.1, 0.1)
+
+
+def test_a_board_that_does_not_answer_then_either_is_set_up_with_the_angles_known_last_and_says_so():
+    host = opened()
+    host.write(0.1, 0.1)
+    host.hear(reply())
+    host.due()
+    host.hear(reply((-1000, 321)))
+    assert host.write(0.1, 0.1)
+    assert host.idle(after=20 * MS + 1) == ZERO
+    assert host.idle(after=20 * MS) == ZERO
+    assert host.idle(after=20 * MS + 1) == ZERO
+    assert host.idle(after=1100 * MS - 1) == b""
+    assert host.idle(after=1) == RESET
+    setup = host.idle(after=20 * MS)
+    assert setup[:10] == bytes.fromhex(SETUPS[3])[:10]
+    second, resolution, first, same = struct.unpack("<ffff", setup[10:])
+    assert resolution == same == 4880
+    for counts in (math.trunc, round):  # either way that a board may take an angle
+        assert (counts(first * 4880 / 360), counts(second * 4880 / 360)) == (-1000, 321)
+    assert host.idle(after=20 * MS) == ZERO
+    host.hear(reply((-1000, 321)))
+    assert host.state[SESSIONS] == 2
+    for engaged, torques in ((1, (0.1, 0.1)), (1, (0.0, 0.0)), (0, (0.1, 0.0))):
+        assert host.write(*torques, engaged=engaged) == ZERO
+        host.hear(reply())
+        host.due(after=MS)
+        assert [sample.status for sample in host.hear(reply())] == [32]
+    assert host.write(0.0, 0.0, engaged=0) == ZERO
+    host.hear(reply())
+    assert host.write(0.1, 0.1) == request(0.1, 0.1)
+    host.hear(reply())
+    host.due(after=MS)
+    assert [sample.status for sample in host.hear(reply())] == [0]
+
+
+def test_a_board_that_never_answers_is_reset_again_and_again_with_its_rest_pose():
+    host = Host(made())
+    host.open()
+    for _ in range(3):
+        assert host.idle(after=20 * MS) == bytes.fromhex(SETUPS[3])
+        assert host.idle(after=20 * MS) == ZERO
+        assert host.idle(after=20 * MS + 1) == ZERO
+        assert host.idle(after=1100 * MS - 1) == b""
+        assert host.idle(after=1) == RESET
+
+
+BAD_REPLIES = {
+    "another id": b"\x04" + reply()[1:],
+    "no number": struct.pack("<Bff", 5, math.nan, 12.0),
+    "infinite": struct.pack("<Bff", 5, 168.0, -math.inf),
+    "too far": struct.pack("<Bff", 5, 12.0, np.nextafter(np.float32(1e5), np.float32(2e5))),
+}
+
+
+@pytest.mark.parametrize("what", BAD_REPLIES)
+def test_an_answer_that_makes_no_sense_is_refused_and_switches_the_motors_off(what):
+    host = opened()
+    host.write(0.1, 0.1)
+    host.hear(reply())
+    host.due()
+    assert host.hear(BAD_REPLIES[what] + reply()) == []
+    assert host.state[REFUSED] == 1 and not host.state[READY] and host.state[LOST] == 1
+    assert host.write(0.1, 0.1) == ZERO
+    assert host.write(0.1, 0.1, after=20 * MS) == ZERO
+    host.hear(reply())
+    assert host.state[READY]
+
+
+def test_the_widest_angle_that_makes_sense_is_taken():
+    host = opened()
+    host.idle(after=20 * MS + 1)
+    (sample,) = host.hear(struct.pack("<Bff", 5, -1e5, 1e5))
+    assert sample.counts == (round(1e5 * 4880 / 360), -round(1e5 * 4880 / 360), 0)
+
+
+def test_bytes_that_nobody_asked_for_are_refused():
+    host = opened()
+    assert host.hear(reply()) == []
+    assert host.state[REFUSED] == 1
+    assert host.write(0.1, 0.1) == ZERO
+
+
+def test_cut_is_sent_whatever_is_awaited_and_the_next_sample_is_told_from_its_answer():
+    host = opened()
+    host.write(0.1, 0.1)
+    assert host.cut() == host.cut() == ZERO
+    assert host.hear(reply() + reply() + reply()) == [] and host.state[REFUSED] == 0
+    assert host.idle(after=20 * MS + 1) == ZERO
+    (sample,) = host.hear(reply((1, 2)))
+    assert sample.counts == (1, 2, 0)
+
+
+def test_cut_is_zero_torque_at_any_moment_after_the_line_was_opened():
+    host = Host(made())
+    setup = bytes.fromhex(SETUPS[3])
+    host.open()
+    assert host.cut() == setup + ZERO  # a motor that somebody left on is not the board's before it is set up
+    assert host.cut(after=MS) == ZERO
+    host.hear(reply())
+    assert host.idle(after=20 * MS) == ZERO
+    host.hear(reply())
+    host.write(0.1, 0.1)
+    host.idle(after=20 * MS + 1)
+    assert host.cut() == ZERO
+
+
+def test_cut_does_not_fill_the_line_of_a_board_that_does_not_answer():
+    host = opened()
+    sent = [host.cut() for _ in range(50)]
+    assert sent == [ZERO] * 8 + [b""] * 42
+
+
+@given(st.integers(1, 8), st.binary(min_size=8, max_size=8))
+def test_the_frame_of_zero_torque_completes_no_frame_to_a_torque_that_moves_anything(missing, torques):
+    got = torques[: 8 - missing] + ZERO[:missing]
+    for at, value in zip((0, 4), struct.unpack("<ff", got), strict=True):
+        whole = 8 - missing >= at + 4
+        assert whole or abs(value) < 1e-30
+
+
+@pytest.mark.parametrize("generation", [2, 3])
+@given(st.data())
+def test_counts_are_exact_within_three_turns(generation, data):
+    resolution = RESOLUTIONS[generation]
+    far = st.integers(-3 * resolution, 3 * resolution)
+    counts = data.draw(far), data.draw(far)
+    host = opened(generation=generation)
+    host.idle(after=20 * MS + 1)
+    (sample,) = host.hear(reply(counts, resolution))
+    assert sample.counts == (*counts, 0)
+
+
+def test_delay_is_from_the_servos_write_to_half_the_round_trip_and_the_worst_stays():
+    host = opened()
+    for trip in [300_000] * 20 + [900_000] + [300_000] * 20:
+        host.write(0.0, 0.0)
+        host.hear(reply(), after=trip)
+    assert host.state[DELAY] == 450_000 and host.state[ROUND_TRIP] == 300_000
+    host.due()
+    host.write(0.01, 0.01)  # cannot be sent yet
+    host.hear(reply(), after=MS)
+    host.idle(after=MS)
+    host.hear(reply(), after=2 * MS)
+    assert host.state[DELAY] == 3 * MS
+    for _ in range(255):
+        host.write(0.0, 0.0)
+        host.hear(reply(), after=300_000)
+    assert host.state[DELAY] == 150_000
+    assert host.state[TEMPERATURE] == NO_TEMPERATURE
+
+
+chunks = st.lists(st.binary(min_size=1, max_size=30) | st.just(reply()) | st.just(reply((-7, 9))), max_size=8)
+
+
+@given(chunks)
+def test_random_bytes_never_end_in_a_sample_that_cannot_be(pieces):
+    host = opened()
+    for piece in pieces:
+        host.write(0.1, 0.1, after=MS)
+        for sample in host.hear(piece):
+            assert max(map(abs, sample.counts)) <= 1e5 * 4880 / 360
+        host.due(after=MS)
+        for sample in host.hear(piece[::-1]):
+            assert max(map(abs, sample.counts)) <= 1e5 * 4880 / 360
+
+
+@given(chunks, st.lists(st.integers(0, 200), max_size=12))
+def test_where_the_stream_is_split_makes_no_difference(pieces, cuts):
+    stream = b"".join(pieces)
+    whole, split = opened(), opened()
+    for host in (whole, split):
+        host.idle(after=20 * MS + 1)
+    places = sorted({0, len(stream), *(cut for cut in cuts if cut < len(stream))})
+    told = [split.hear(stream[low:high]) for low, high in zip(places, places[1:], strict=False)]
+    assert sum(told, []) == whole.hear(stream)
+    assert (split.state == whole.state).all()
+
+
+@pytest.mark.parametrize("axes", [1, 3])
+def test_a_device_without_two_axes_is_refused_in_a_sentence(axes):
+    with pytest.raises(ValueError, match="^axes are x.*; a Haply 2DIY has x and y$"):
+        haply.codec(haply.Options(port="/dev/none"), codec_host.device(axes))
+
+
+@pytest.mark.parametrize("options", [{}, {"port": ""}, {"port": "a", "generation": 1}, {"port": "a", "speed": 3}])
+def test_options_that_are_none_are_refused(options):
+    with pytest.raises(ValidationError):
+        haply.Options(**options)
+
+
+def test_the_described_device_lies_at_rest_within_its_workspace_and_its_motors_stand_what_it_says():
+    options, device = codec_host.described("haply_2diy", haply)
+    assert haply.codec(options, device).asks
+    for axis, count, angle in zip(device.axes, COUNTS, (53.0, -53.0), strict=True):
+        place = axis.zero + count / axis.counts_per_unit
+        assert place == pytest.approx(0.07 * math.radians(angle), abs=1e-4)
+        assert axis.workspace[0] < place < axis.workspace[1]
+        assert axis.motor_limit / axis.motor_constant == pytest.approx(0.123, rel=1e-4)
+
+
+@pytest.fixture
+def board(start, tmp_path):
+    return codec_host.Emulator(start, "haply", tmp_path / "log")
+
+
+@pytest.fixture
+def line(board):
+    host = codec_host.PortHost(made(), board.port)
+    yield host
+    host.close()
+
+
+def test_torque_turns_the_joint_of_its_axis_and_zero_is_the_boards_last_word(board, line):
+    """The emulated board has no watchdog: it would hold for ever what it was told last."""
+    line.become_ready()
+    assert line.sample(0.0, 0.0).counts == (2277, 162, 0)
+    waiting.until(lambda: line.sample(0.05, 0.0).counts[0] > 2400, "joint 1 to turn", lambda: None)
+    assert abs(line.sample(0.0, 0.0).counts[1] - 162) <= 1
+    waiting.until(lambda: line.sample(0.0, -0.05).counts[1] < 0, "joint 2 to turn back", lambda: None)
+    line.write(0.1, 0.1)
+    line.cut()
+    waiting.until(lambda: board.torques()[-1] == (0.0, 0.0), "the motors to be off")
+    assert (np.float32(0.1), np.float32(0.1)) in board.torques()
+    assert board.said("short") == []
+
+
+def test_a_board_left_in_the_middle_of_a_frame_comes_back_with_its_angles(board, line):
+    line.become_ready()
+    waiting.until(lambda: line.sample(0.05, 0.0).counts[0] > 2400, "joint 1 to turn", lambda: None)
+    before = line.sample(0.0, 0.0).counts
+    line.send(request(0.1, 0.1)[:5])  # a frame cut short, as no host may leave it
+    line.write(0.1, 0.1)
+    waiting.until(lambda: not line.state[READY], "the loss to be noticed", line.look)
+    waiting.until(lambda: line.state[READY], "the board to answer again", line.look)
+    assert line.state[SESSIONS] == 2
+    sample = line.sample(0.1, 0.1)
+    assert sample.status == 32 and abs(sample.counts[0] - before[0]) < 200
+    assert line.sample(0.0, 0.0, engaged=0).status == 0
+    assert board.torques()[-1] == (0.0, 0.0)

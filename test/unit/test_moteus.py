@@ -1,0 +1,392 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The link to moteus drives: its lines, what a drive's answer is worth, and that the last torque is none."""
+
+import math
+import struct
+
+import codec_host
+import pytest
+import waiting
+from codec_host import MS, Host
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from haptic_device.control import passivity
+from haptic_device.link import moteus
+from haptic_device.link.codec import (
+    AXES,
+    DELAY,
+    LOST,
+    NO_TEMPERATURE,
+    READY,
+    REFUSED,
+    ROUND_TRIP,
+    SESSIONS,
+    TEMPERATURE,
+    WATCHDOG,
+)
+
+QUERY = bytes.fromhex("1100 1901 120e".replace(" ", ""))
+STOP = bytes.fromhex("010000")
+
+
+def made(ids=(1,), motor_limit=2.0, motor_constant=1.0, watchdog=0.1):
+    options = moteus.Options(port="/dev/none", ids=ids, watchdog=watchdog)
+    return moteus.codec(options, codec_host.device(len(ids), motor_limit, motor_constant))
+
+
+def line(address, data, length):
+    """What sends these bytes, filled up to this length."""
+    return b"can send %04x %s BF\n" % (address, data.ljust(length, b"\x50").hex().upper().encode())
+
+
+def torque(value, most=2.0, watchdog=0.1):
+    """Position mode, no position, velocity 0, this torque, no gains, the most torque, the time limit."""
+    nowhere = bytes.fromhex("0000c07f")
+    target = nowhere + struct.pack("<fffff", 0.0, value, 0.0, 0.0, most)
+    return bytes([0x01, 0x00, 10, 0x0C, 6, 0x20]) + target + bytes([0x0D, 0x27]) + struct.pack("<f", watchdog)
+
+
+def request(value, name=1, **given):
+    return line(0x8000 | name, torque(value, **given) + QUERY, 48)
+
+
+def look(name=1):
+    return line(0x8000 | name, QUERY, 6)
+
+
+def stop(name=1):
+    return line(0x8000 | name, STOP + QUERY, 12)
+
+
+def no_torque(name=1, **given):
+    return line(name, torque(0.0, **given), 48)
+
+
+def reply(place=0, mode=10, temperature=25, fault=0, name=1):
+    """The adapter's and a drive's lines after a request."""
+    data = struct.pack("<BBbBBiBBbb", 0x21, 0, mode, 0x29, 1, place, 0x22, 0x0E, temperature, fault)
+    return b"OK\r\n" + heard(data, name)
+
+
+def heard(data, name=1):
+    return b"rcv %x %s E B F\r\n" % (name << 8, data.ljust(16, b"\x50").hex().upper().encode())
+
+
+def opened(**given):
+    host = Host(made(**given))
+    host.open()
+    for name in given.get("ids", (1,)):
+        host.hear(reply(name=name, mode=0))
+    assert host.state[READY]
+    return host
+
+
+def test_a_new_line_is_begun_by_ending_the_old_one_and_drives_are_left_as_they_are_until_a_command_comes():
+    host = Host(made())
+    assert host.idle() == host.due() == host.write(1.0) == host.cut() == b""
+    assert host.open() == b"\n" + look()
+    assert not host.state[READY] and host.state[SESSIONS] == 0
+    (sample,) = host.hear(reply(7, mode=0), after=MS)
+    assert sample == (host.now - MS // 2, 0, (7, 0, 0), 0)
+    assert host.state[READY] and host.state[SESSIONS] == 1 and host.state[REFUSED] == 0
+    assert host.state[AXES] == 1 and host.state[WATCHDOG] == 100 * MS
+    assert host.idle(after=20 * MS) == look()
+
+
+def test_a_command_sends_its_torque_and_the_deadline_sends_it_again_and_brings_the_sample():
+    host = opened()
+    assert host.write(0.25) == request(0.25)
+    assert host.hear(reply(1), after=MS // 2) == []
+    assert host.due(after=MS // 2) == request(0.25)
+    deadline = int(host.command[2])
+    (sample,) = host.hear(reply(-123456), after=400_000)
+    assert sample == (deadline + 200_000, 0, (-123456, 0, 0), deadline)
+
+
+def test_each_axis_has_its_drive_and_the_sample_is_there_when_all_have_answered_in_whatever_order():
+    host = opened(ids=(3, 126, 1), watchdog=0.5)
+    given = {"watchdog": 0.5}
+    lines = [request(value, name, **given) for value, name in ((0.5, 3), (-0.25, 126), (1.0, 1))]
+    assert host.write(0.5, -0.25, 1.0) == b"".join(lines)
+    assert host.hear(reply(name=1) + reply(name=3) + reply(name=126)) == []
+    host.due(after=MS)
+    assert host.hear(reply(11, name=126) + reply(22, name=3)) == []
+    assert [sample.counts for sample in host.hear(reply(33, name=1))] == [(22, 11, 33)]
+    assert host.cut() == b"".join(no_torque(name, **given) for name in (3, 126, 1))
+
+
+def test_a_sample_is_never_before_its_deadline_nor_before_the_last_one():
+    host = opened()
+    host.write(0.0, ahead=5 * MS)
+    host.hear(reply())
+    host.due()
+    (sample,) = host.hear(reply(), after=10)
+    assert sample.latched == sample.deadline == host.now + 5 * MS - 10
+    host.write(0.0, ahead=0)
+    host.hear(reply())
+    host.due()
+    (later,) = host.hear(reply(), after=10)
+    assert later.latched == sample.latched
+
+
+@pytest.mark.parametrize("limit, constant, most", [(2.0, 1.0, 2.0), (10.0, 20.0, 0.5)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_torque_at_the_limit_is_sent_and_one_above_is_cut_down_and_told(limit, constant, most, sign):
+    host = opened(motor_limit=limit, motor_constant=constant)
+    for wanted, status in ((most, 0), (math.nextafter(most, 9.0), 128)):
+        assert host.write(sign * wanted) == request(sign * most, most=most)
+        host.hear(reply())
+        host.due(after=MS)
+        assert [sample.status for sample in host.hear(reply())] == [status]
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_torque_that_is_no_number_switches_all_motors_off_and_is_counted(bad, axis):
+    host = opened(ids=(1, 2))
+    torques = [1.0, 1.0]
+    torques[axis] = bad
+    assert host.write(*torques, engaged=0) == request(0.0) + request(0.0, 2)
+    assert host.state[REFUSED] == 1
+
+
+def test_nothing_is_asked_before_the_last_answer_is_there():
+    host = opened()
+    assert host.write(1.0)
+    assert host.due(after=MS) == b"" and host.state[LOST] == 1
+    assert host.write(0.5, after=MS) == host.idle(after=MS) == b""
+    host.hear(reply())
+    assert host.idle(after=MS) == request(0.5)
+
+
+def test_an_answer_that_is_missing_for_20_ms_switches_the_motor_off_and_the_drive_is_asked_anew_when_all_is_quiet():
+    host = opened()
+    host.write(1.0)
+    host.hear(reply())
+    host.due()
+    assert host.idle(after=20 * MS) == b"" and host.state[READY]
+    assert host.idle(after=1) == no_torque()
+    assert not host.state[READY] and host.state[LOST] == 1
+    assert host.hear(reply(), after=10 * MS) == [] and host.state[REFUSED] == 1  # it comes after all
+    assert host.write(1.0, after=20 * MS - 1) == b""
+    assert host.write(1.0, after=1) == request(1.0)
+    host.hear(reply())
+    assert host.state[READY] and host.state[SESSIONS] == 1
+
+
+def test_a_drive_that_is_only_watched_is_not_commanded_when_it_does_not_answer():
+    host = Host(made())
+    host.open()
+    assert host.idle(after=20 * MS + 1) == b""
+    assert host.idle(after=20 * MS) == look()
+
+
+@pytest.mark.parametrize(
+    "mode, fault, status",
+    [(0, 0, 0), (10, 0, 0), (10, 99, 0), (11, 0, 2), (1, 38, 8), (1, 35, 32), (1, 42, 32), (1, 43, 32), (1, 34, 2)],
+)
+def test_status_is_of_the_drives_mode_and_fault(mode, fault, status):
+    host = opened(ids=(1, 2))
+    host.write(0.0, 0.0)
+    host.hear(reply() + reply(name=2))
+    host.due()
+    (sample,) = host.hear(reply() + reply(mode=mode, fault=fault, name=2))
+    assert sample.status == status
+
+
+@pytest.mark.parametrize("mode", [1, 11])
+def test_a_drive_that_gave_up_is_stopped_only_by_a_command_that_is_not_engaged_and_wants_no_torque(mode):
+    host = opened()
+    host.write(1.0)
+    host.hear(reply(mode=mode))
+    for engaged, value in ((1, 1.0), (1, 0.0), (0, 1.0)):
+        assert host.write(value, engaged=engaged) == request(value)
+        host.hear(reply(mode=mode))
+    assert host.write(0.0, engaged=0) == stop()
+    host.hear(reply(mode=0))
+    assert host.write(0.0, engaged=0) == request(0.0)
+    assert host.cut() == no_torque()
+
+
+def test_temperature_is_the_hottest_drives():
+    host = opened(ids=(1, 2))
+    for temperatures, told in (((25, 61), 610), ((-128, -4), -40), ((-128, -128), NO_TEMPERATURE)):
+        host.idle(after=20 * MS + 1)
+        for name, temperature in zip((1, 2), temperatures, strict=True):
+            host.hear(reply(temperature=temperature, name=name))
+        assert host.state[TEMPERATURE] == told
+
+
+@given(st.integers(-(2**31) + 1, 2**31 - 1))
+def test_counts_are_the_positions_that_drives_tell(place):
+    host = opened()
+    host.idle(after=20 * MS + 1)
+    assert [sample.counts for sample in host.hear(reply(place))] == [(place, 0, 0)]
+
+
+def test_values_are_found_however_an_answer_groups_them():
+    host = opened()
+    for data in (
+        struct.pack("<BBbBBBbbBBiB", 0x21, 0, 10, 0x20, 2, 0x0E, 30, 0, 0x29, 1, 77, 0x50),
+        struct.pack("<BBiBBbB", 0x29, 1, 77, 0x21, 0, 10, 0x50),
+        struct.pack("<BBbBBhBBiBBf", 0x21, 0, 10, 0x25, 2, -5, 0x29, 1, 77, 0x2D, 3, 1.5),
+    ):
+        host.idle(after=20 * MS + 1)
+        assert [sample.counts for sample in host.hear(heard(data))] == [(77, 0, 0)]
+
+
+PLACE, IN_MODE = struct.pack("<BBi", 0x29, 1, 5), struct.pack("<BBb", 0x21, 0, 10)
+WHOLE = IN_MODE + PLACE
+BAD_LINES = {
+    "error": b"ERR unknown command\r\n",
+    "nothing known": b"hello\r\n",
+    "another drive": heard(WHOLE, name=2),
+    "for another host": b"rcv 101 %s E B F\r\n" % WHOLE.hex().encode(),
+    "no address": b"rcv  %s\r\n" % WHOLE.hex().encode(),
+    "address too long": b"rcv 000000100 %s\r\n" % WHOLE.hex().encode(),
+    "no data": b"rcv 100\r\n",
+    "half a byte": b"rcv 100 %s\r\n" % WHOLE.hex().encode()[:-1],
+    "no digit": b"rcv 100 %sG0\r\n" % WHOLE.hex().encode(),
+    "too long": b"rcv 100 %s\r\n" % (WHOLE + bytes(64)).hex().encode(),
+    "no mode": heard(PLACE),
+    "no position": heard(IN_MODE),
+    "unknown position": heard(IN_MODE + struct.pack("<BBi", 0x29, 1, -(2**31))),
+    "position as float": heard(IN_MODE + struct.pack("<BBf", 0x2D, 1, math.nan)),
+    "read error": heard(bytes([0x31, 1, 2])),
+    "cut short": b"rcv 100 %s\r\n" % WHOLE[:-1].hex().encode(),
+    "counts too many": heard(IN_MODE + bytes([0x28, 60, 1])),
+    "long line": b"x" * 257 + b"\n",
+}
+
+
+@pytest.mark.parametrize("what", BAD_LINES)
+def test_a_line_that_is_no_answer_is_refused_and_the_answer_after_it_is_taken(what):
+    host = opened()
+    host.idle(after=20 * MS + 1)
+    assert host.hear(BAD_LINES[what]) == []
+    assert host.state[REFUSED] == 1
+    assert [sample.counts for sample in host.hear(reply(5))] == [(5, 0, 0)]
+    assert host.state[REFUSED] == 1
+
+
+def test_an_answer_that_comes_twice_is_refused():
+    host = opened(ids=(1, 2))
+    host.idle(after=20 * MS + 1)
+    assert host.hear(reply(1) + reply(2)) == [] and host.state[REFUSED] == 1
+    assert [sample.counts for sample in host.hear(reply(3, name=2))] == [(1, 3, 0)]
+    assert host.hear(reply(1)) == [] and host.state[REFUSED] == 2
+
+
+def test_delay_is_from_the_servos_write_to_half_the_round_trip():
+    host = opened()
+    host.write(0.1)
+    host.hear(reply(), after=600_000)
+    assert host.state[DELAY] == 300_000
+    host.idle(after=30 * MS)
+    host.hear(reply(), after=800_000)
+    assert host.state[DELAY] == 300_000 and host.state[ROUND_TRIP] == 600_000
+
+
+pieces = st.sampled_from([*BAD_LINES.values(), reply(3), reply(-9), b"rcv ", b"\r", b"\n"]) | st.binary(max_size=300)
+chunks = st.lists(pieces, max_size=8)
+
+
+@given(chunks)
+def test_random_bytes_never_end_in_a_sample_that_cannot_be(given_chunks):
+    host = opened()
+    for chunk in given_chunks:
+        host.write(0.1, after=MS)
+        host.hear(chunk)
+        host.due(after=MS)
+        for sample in host.hear(chunk[::-1] + reply(5)):
+            assert -(2**31) < sample.counts[0] < 2**31 and sample.counts[1:] == (0, 0)
+
+
+@given(chunks, st.lists(st.integers(0, 1000), max_size=12))
+def test_where_the_stream_is_split_makes_no_difference(given_chunks, cuts):
+    stream = b"".join(given_chunks)
+    whole, split = opened(), opened()
+    for host in (whole, split):
+        host.idle(after=20 * MS + 1)
+    places = sorted({0, len(stream), *(cut for cut in cuts if cut < len(stream))})
+    told = [split.hear(stream[low:high]) for low, high in zip(places, places[1:], strict=False)]
+    assert sum(told, []) == whole.hear(stream)
+    assert (split.state == whole.state).all()
+
+
+def test_a_device_whose_axes_have_not_each_a_drive_is_refused_in_a_sentence():
+    options = moteus.Options(port="/dev/none", ids=(1, 2))
+    with pytest.raises(ValueError, match="^ids are 2; the device has 1 axes, each with a drive of its own$"):
+        moteus.codec(options, codec_host.device(1))
+    twice = moteus.Options(port="/dev/none", ids=(7, 7))
+    with pytest.raises(ValueError, match="^ids are 7, 7; each drive has its own id$"):
+        moteus.codec(twice, codec_host.device(2))
+
+
+@pytest.mark.parametrize(
+    "key, bad, good",
+    [("ids", (0,), (1,)), ("ids", (127,), (126,)), ("ids", (), (1,)), ("ids", (1, 2, 3, 4), (1, 2, 3))]
+    + [("watchdog", 0.019, 0.02), ("watchdog", 1.001, 1.0), ("watchdog", math.nan, 0.1)],
+)
+def test_options_out_of_bounds_are_refused_and_those_within_are_taken(key, bad, good):
+    whole = {"port": "/dev/none", "ids": (1,)}
+    assert getattr(moteus.Options(**whole | {key: good}), key) == good
+    with pytest.raises(ValidationError):
+        moteus.Options(**whole | {key: bad})
+
+
+def test_the_described_knob_carries_the_drivers_own_coupling_at_1_khz_with_1_ms_of_delay():
+    options, device = codec_host.described("moteus_knob", moteus)
+    assert moteus.codec(options, device).asks
+    (axis,) = device.axes
+    assert axis.counts_per_unit * 2 * math.pi * 0.05 == pytest.approx(100_000)
+    assert passivity.coupling_damping(1000.0, 1.0, 1e-3, 1e-3) < axis.damping
+
+
+@pytest.fixture
+def drives(start, tmp_path):
+    return codec_host.Emulator(start, "moteus", tmp_path / "log", 1, 2)
+
+
+@pytest.fixture
+def port(drives):
+    host = codec_host.PortHost(made(ids=(1, 2), motor_limit=0.2), drives.port)
+    yield host
+    host.close()
+
+
+def last(drives, name):
+    return [value for axis, value in drives.torques() if axis == name][-1]
+
+
+def test_torque_turns_the_motor_of_its_axis_and_zero_is_the_last_word(drives, port):
+    drives.order("2 turn 0.5")
+    port.become_ready()
+    assert port.sample(0.0, 0.0).counts == (0, 50000, 0)
+    waiting.until(lambda: port.sample(0.05, 0.0).counts[0] > 10000, "the first motor to turn", lambda: None)
+    waiting.until(lambda: port.sample(0.0, -0.05).counts[1] < 40000, "the second motor to turn back", lambda: None)
+    port.write(0.1, 0.1)
+    port.cut()
+    waiting.until(lambda: last(drives, 1) == last(drives, 2) == 0.0, "the motors to be off")
+
+
+def test_drives_cut_themselves_when_commands_stop_and_come_back_when_the_servo_is_calm(drives, port):
+    port.become_ready()
+    assert port.sample(0.1, 0.1).status == 0
+    waiting.until(lambda: drives.said("mode")[-2:] in (["1 11", "2 11"], ["2 11", "1 11"]), "the watchdogs")
+    assert last(drives, 1) == last(drives, 2) == 0.0
+    waiting.until(lambda: port.state[READY], "the drives' answers", port.look)
+    assert port.sample(0.1, 0.1).status == 2
+    waiting.until(lambda: port.sample(0.0, 0.0, engaged=0).status == 0, "the drives to be stopped", lambda: None)
+    assert port.sample(0.1, 0.1).status == 0
+    waiting.until(lambda: last(drives, 1) > 0.0, "torque again")
+
+
+def test_a_drive_that_is_too_hot_says_so(drives, port):
+    port.become_ready()
+    drives.order("2 temperature 81")
+    drives.order("2 fault 38")
+    assert port.sample(0.1, 0.1).status == 8
+    assert port.state[TEMPERATURE] == 810
