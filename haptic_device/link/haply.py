@@ -49,7 +49,7 @@ from haptic_device.link.codec import (
     decoder,
     encoder,
 )
-from haptic_device.link.options import SerialOptions
+from haptic_device.link_registry import SerialOptions
 
 DEVICE = 5  # the board's number for a 2DIY
 RESET, SET_UP, WRITE = 0, 1, 2  # first bytes of frames

@@ -45,7 +45,7 @@ from haptic_device.link.codec import (
     decoder,
     encoder,
 )
-from haptic_device.link.options import SerialOptions
+from haptic_device.link_registry import SerialOptions
 from haptic_device.refusal import Unit
 
 MOST_ID = 126  # 127 is all drives at once
