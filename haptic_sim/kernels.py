@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is compiled in advance (haptic_device/jit.py): each entry is a short run of what a node or a command runs."""
 
+import importlib
+
 import numpy as np
 
 from haptic_device import controller_config
@@ -9,6 +11,8 @@ from haptic_device.control import contact_model, exchange_samples
 from haptic_device.control.records import TRACE_ROW
 from haptic_device.description import load_device
 from haptic_device.device import axis_rerun, loopback_config, operator_hand, simulated_device
+from haptic_device.link import bridge_loop
+from haptic_device.link_registry import LINKS
 from haptic_device.message_fields import LOCAL_CONTACT, MOST, exchange_names
 from haptic_device.parameter_types import defaults
 from haptic_device.realtime import (
@@ -58,6 +62,13 @@ def loopback_plant():
     hand = loopback_config.hand_from(load_device(DEVICE), _values("haptic_loopback"))
     simulated_device.serve(words, control, mail, 1, *hand, truth)
     simulated_device.gather(mail, control, 1, 1, truth.view(np.int64).reshape(1, -1), clock.scratch())
+
+
+def bridge():
+    """The bridge's loop, and the codec of each link."""
+    bridge_loop.compiled()
+    for module in LINKS.values():
+        importlib.import_module(module).compiled()
 
 
 def exchange_of_the_driver():
@@ -139,6 +150,7 @@ ENTRIES = {  # those that take longest first
     "replay": replay,
     "local contacts": local_contacts,
     "exchange": exchange_of_the_driver,
+    "bridge": bridge,
     "lock-step": lock_step,
     "closed form": closed_form,
     "methods of penalty": penalty,

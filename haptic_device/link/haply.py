@@ -112,7 +112,7 @@ def codec(options, device) -> Codec:
     limits = [min(TORQUE_LIMIT, axis.motor_limit / axis.motor_constant) for axis in device.axes]
     state.view(np.float64)[LIMITS : LIMITS + 2] = limits
     state[SETUP:].view(np.uint8)[:SETUP_BYTES] = np.frombuffer(setup_bytes(options.generation), np.uint8)
-    return Codec(state, *_compiled(), asks=True)
+    return Codec(state, *compiled(), asks=True)
 
 
 def setup_bytes(generation: int) -> bytes:
@@ -308,5 +308,6 @@ def _tell(state, now, answer):
 
 
 @functools.cache
-def _compiled():
+def compiled():
+    """encode and decode; compiled where there is such a link."""
     return encoder(_encode), decoder(_decode)

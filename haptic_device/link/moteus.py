@@ -106,7 +106,7 @@ def codec(options, device) -> Codec:
     state[TEMPERATURE], state[AXES], state[WATCHDOG] = NO_TEMPERATURE, axes, round(options.watchdog * 1e9)
     state[IDS : IDS + axes], reals[TIME_BITS] = options.ids, options.watchdog
     reals[LIMITS : LIMITS + axes] = [axis.motor_limit / axis.motor_constant for axis in device.axes]
-    return Codec(state, *_compiled(), asks=True)
+    return Codec(state, *compiled(), asks=True)
 
 
 @njit
@@ -389,5 +389,6 @@ def _status(state):
 
 
 @functools.cache
-def _compiled():
+def compiled():
+    """encode and decode; compiled where there is such a link."""
     return encoder(_encode), decoder(_decode)

@@ -3,7 +3,11 @@
 
 from typing import Literal
 
+from haptic_device.link import open_frame
+from haptic_device.link.codec import Codec
 from haptic_device.link_registry import SerialOptions
+
+compiled = open_frame.streams
 
 
 class Options(SerialOptions):
@@ -14,8 +18,4 @@ class Options(SerialOptions):
 
 def codec(options, device):
     """The codec of such a device; whatever the description says, the device greets with what it is."""
-    from haptic_device.link import open_frame
-    from haptic_device.link.codec import Codec
-
-    encode, decode = open_frame.streams()
-    return Codec(open_frame.new_state(), encode, decode)
+    return Codec(open_frame.new_state(), *compiled())

@@ -156,11 +156,7 @@ def set_up(
             content = device_set_up.set_up(questions, device_page.PageDevice(page), described, out.stem, push)
         device_set_up.write(out, content, described.name)
         typer.echo(f"wrote {out}; haptic check {out} reads it again")
-        if device_page.link_of(described) != "loopback":
-            typer.echo(
-                f"mass, damping and friction are not measured: haptic identify --device {out} --domain …, on a driver"
-            )
-        elif domain is None and namespace is None and questions.yes("identify", IDENTIFY):
+        if domain is None and namespace is None and questions.yes("identify", IDENTIFY):
             _identify(out)
 
 

@@ -13,13 +13,14 @@ import numpy as np
 
 from haptic_device import ros_environment
 from haptic_device.config_files import find
-from haptic_device.description import Device, load_device
 from haptic_device.realtime import clock, shared_memory
 from haptic_device.realtime.hardware_interface import SAMPLE, SharedMemoryInterface
+from haptic_sim.supervision.device_programs import device_programs
 from haptic_sim.supervision.domain import isolated_domain
 from haptic_sim.supervision.prepare import prepare
-from haptic_sim.supervision.processes import NAMESPACE, Nodes, Program
+from haptic_sim.supervision.processes import NAMESPACE, Nodes
 
+HAND: dict = {}  # as a simulated hand is by default
 STARTS = 30.0  # [s] that a node which was started here may take until its device answers
 ANSWERS = 3.0  # [s] that one may take which runs already
 LOOK = 0.01  # [s]
@@ -48,11 +49,14 @@ def opened(name: str, domain: int | None, namespace: str | None) -> Iterator[Sha
         check, patience = dict, ANSWERS
         if domain is None and namespace is None:
             logs = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="haptic_")))
-            program = program_of(name)
+            programs = device_programs(str(Path(find("devices", name)).absolute()), HAND, logs)
+            if not programs:
+                raise ValueError(f"device {name} is served by a program of your own: start it, and give its --domain")
             domain = stack.enter_context(isolated_domain(logs))
             nodes = stack.enter_context(Nodes(logs))
-            prepare([program])
-            nodes.start(program)
+            prepare(programs)
+            for program in programs:
+                nodes.start(program)
             check, patience = nodes.check, STARTS
         else:
             domain = ros_environment.domain() if domain is None else domain
@@ -63,22 +67,6 @@ def opened(name: str, domain: int | None, namespace: str | None) -> Iterator[Sha
         stack.callback(interface.close)
         _await(interface, check, patience)
         yield interface
-
-
-def program_of(name: str) -> Program:
-    """The node that serves the page of a described device. Raises ValueError if that is a program of the user's."""
-    path, link = str(Path(find("devices", name)).absolute()), link_of(load_device(name))
-    if link == "shared_memory":
-        raise ValueError(f"device {name} is served by a program of your own: start it, and give its --domain")
-    if link == "loopback":
-        return Program("haptic_loopback", "haptic_device.nodes.loopback", {"device": path})
-    return Program("haptic_bridge", "haptic_device.nodes.bridge", {"device": path})
-
-
-def link_of(device: Device) -> str:
-    """Type of a device's link."""
-    link = getattr(device, "link", None)
-    return link.type if link else "loopback"
 
 
 def _await(interface, check: Callable[[], dict], patience: float) -> None:
