@@ -24,6 +24,7 @@ class ReferenceDevice(NamedTuple):
     parameters: dict = {}
     files: tuple[Path, ...] = ()
     namespace: str = NAMESPACE
+    renamed: dict[str, str] = {}
 
     def command(self) -> list[str]:
         """The command line that starts it."""
