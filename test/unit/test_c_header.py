@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from waiting import exit_code, until
 
-from haptic_device.device.simulated_device import NEAR, PERIODS
+from haptic_device.device import simulated_device
 from haptic_device.realtime import atomic, clock, hardware_interface, shared_memory
 from haptic_device.realtime.hardware_interface import SharedMemoryInterface
 from haptic_device.realtime.shared_memory import DEVICE, SERVO, SharedMemory, SharedMemoryError, file_name
@@ -49,9 +49,9 @@ NAMED = {
     "ENCODER": shared_memory.ENCODER,
     "CLAMPED": shared_memory.CLAMPED,
     "ATTEMPTS": atomic.ATTEMPTS,
-    "NEAR": NEAR,
-    "SHORTEST_PERIOD": PERIODS[0],
-    "LONGEST_PERIOD": PERIODS[1],
+    "NEAR": simulated_device.NEAR,
+    "SHORTEST_PERIOD": simulated_device.PERIODS[0],
+    "LONGEST_PERIOD": simulated_device.PERIODS[1],
 }
 
 
@@ -411,7 +411,7 @@ def test_a_write_from_before_the_device_came_moves_nothing(take, servo):
     device.close()
 
 
-SHORTEST, LONGEST = PERIODS
+SHORTEST, LONGEST = simulated_device.PERIODS
 FAR = 60_000_000_000
 SENSE = [
     (0, 0, SHORTEST, 0.0, 1),
