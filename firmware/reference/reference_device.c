@@ -18,7 +18,7 @@
 #include "plant.h"
 #include "settings.h"
 
-enum { TRUTH_EACH = 2000000, IDLE = 5000000 }; /* [ns] */
+enum { TRUTH_EACH = 2000000, TRUTH_APART = 1000000, IDLE = 5000000 }; /* [ns] */
 enum { SHORTEST_PERIOD = 100000 };             /* [ns] */
 static const double HOT = 80.0;                /* [°C] from which on it is too hot */
 
@@ -259,6 +259,7 @@ static void live(void) {
         }
         if (device.session != 0 && plant.time - told >= TRUTH_EACH) {
             told += (plant.time - told) / TRUTH_EACH * TRUTH_EACH;
+            told = plant.time - told > TRUTH_APART ? plant.time - TRUTH_APART : told;
             tell_truth();
         }
         if (device.session == 0 && host_monotonic_ns() - plant.time > IDLE) {

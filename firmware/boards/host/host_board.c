@@ -78,6 +78,9 @@ void host_begin(const struct host_clock *options) {
     static const int ENDING[3] = {SIGINT, SIGTERM, SIGHUP};
     struct sigaction action;
     sigset_t blocked;
+    if (fcntl(STDIN_FILENO, F_GETFD) < 0) { /* else the line would become the standard input */
+        (void)!open("/dev/null", O_RDONLY);
+    }
     clock_options = *options;
     began = host_monotonic_ns();
     memset(&action, 0, sizeof action);
