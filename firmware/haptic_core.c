@@ -191,12 +191,12 @@ static bool sensible(const struct haptic *device, const float motors[3], int64_t
            deadline >= now - LONGEST_PAST && deadline <= now + ahead;
 }
 
-/* Within the device's limits, on the axes that it has; says whether that changed a value. */
+/* Within the device's limits, which are 0 for axes that are not there; says whether an axis that is there wanted more. */
 static bool clamp(const struct haptic *device, float motors[3]) {
     bool clamped = false;
     for (uint32_t i = 0; i < 3; i++) {
         float most = device->description.largest_motor[i];
-        float within = i >= device->description.axes ? 0.0f : motors[i] > most ? most : motors[i] < -most ? -most : motors[i];
+        float within = motors[i] > most ? most : motors[i] < -most ? -most : motors[i];
         clamped |= i < device->description.axes && within != motors[i];
         motors[i] = within;
     }

@@ -30,7 +30,7 @@ struct haptic_description {
     uint32_t firmware;         /* major · 65536 + minor · 256 + patch */
     uint32_t axes;             /* 1 (x), 2 (x, y), 3 (x, y, theta) */
     float counts_per_unit[3];  /* [1/m, 1/m, 1/rad]; 0: unknown */
-    float largest_motor[3];    /* [motor units] */
+    float largest_motor[3];    /* [motor units]; 0 for axes that are not there */
     uint32_t shortest_period;  /* of commands [ns] */
     uint32_t watchdog;         /* longest time without a command before the motors are cut [ns] */
     uint32_t counter_bits;     /* 32, or 16 */

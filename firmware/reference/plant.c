@@ -6,6 +6,7 @@
 
 enum { STEP = 10000 };     /* [ns] longest step */
 enum { MOST_EVENTS = 8 };  /* reversals in one step, after which the axis rests to its end */
+enum { FALSE_POSITIONS = 3 };
 
 struct target {
     double place[3], rate[3];
@@ -103,33 +104,24 @@ static double way_of(const struct slide *slide, struct state at, double s, doubl
     return at.v != 0.0 ? sign(at.v) : fabs(push) > slide->axis->coulomb ? sign(push) : 0.0;
 }
 
-/* When within h the velocity is zero: by the false position (Illinois), the velocity being nearly straight. */
+/* When within h the velocity is zero, and the state there: by false positions, the velocity being nearly straight. */
 static double reversal(const struct plant *plant, const struct slide *slide, struct state from, double begin, double h,
                        double v_end, int i, struct state *there) {
     double low = 0.0, high = h, v_low = from.v, v_high = v_end, at = 0.0;
-    int side = 0;
     *there = from;
-    if (from.v == 0.0) { /* it was pushed, and is pushed back within the step: it has not moved */
-        return 0.0;
-    }
-    for (int tries = 0; tries < 40 && high - low > 1e-15; tries++) {
+    for (int tries = 0; tries < FALSE_POSITIONS && v_low != 0.0; tries++) {
         at = (low * v_high - high * v_low) / (v_high - v_low);
         *there = part(plant, slide, from, begin, at, i);
-        if (there->v == 0.0 || fabs(there->v) < 1e-15) {
-            break;
-        }
-        if (there->v * v_low > 0.0) {
-            low = at, v_low = there->v;
-            v_high *= side > 0 ? 0.5 : 1.0;
-            side = 1;
+        if (there->v * slide->way > 0.0) {
+            low = at;
+            v_low = there->v;
         } else {
-            high = at, v_high = there->v;
-            v_low *= side < 0 ? 0.5 : 1.0;
-            side = -1;
+            high = at;
+            v_high = there->v;
         }
     }
     there->v = 0.0;
-    return at;
+    return at; /* 0: it rested, was pushed, and is pushed back within the step */
 }
 
 /* An axis with friction over a step that may hold reversals. begin [ns of the script], h [s]. */
@@ -146,7 +138,7 @@ static struct state slid(const struct plant *plant, struct slide *slide, struct 
             return end;
         }
         double took = reversal(plant, slide, at, begin, h, end.v, i, &there);
-        if (took == 0.0 && at.v == 0.0) {
+        if (took == 0.0) {
             break;
         }
         at = there;

@@ -5,7 +5,7 @@
  *   (m + m_h) x'' + (b + b_h) x' + k_h x = u + g + k_h s + b_h s' − f_c sign(x')
  *
  * u motor, g weight, s the hand's target. Integrated by Runge and Kutta's method of fourth order in steps of at most 10 µs,
- * with the work at the handle as one more equation. A reversal is found to rounding; at rest the axis sticks while the
+ * with the work at the handle as one more equation. Reversals are found within the steps; at rest the axis sticks while the
  * other forces are at most f_c. Nothing is integrated before it is asked for. SI; times in ns of one clock.
  */
 #ifndef PLANT_H

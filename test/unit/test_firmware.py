@@ -392,7 +392,7 @@ def test_a_fault_stays_until_its_cause_is_gone_and_a_command_clears_it(core, bit
     frames = core.at(1.0)
     assert status(frames) == bit and core.motors == (0.0, 0.0, 0.0) and link.sample(frames[-1]).temperature == 715
     core.command(motors=(0.0, 0.0, 0.0), flags=0)  # the cause is still there
-    assert status(core.at(2.0)) == bit
+    assert status(core.at(2.0)) == bit and core.port.port_writes() == 1
     core.inputs(0)
     core.command()
     assert status(core.at(3.0)) == bit and core.motors == (0.0, 0.0, 0.0)  # it wants force
@@ -592,8 +592,9 @@ def test_delays_shift_the_motor_and_the_encoder(library):
     middle = plant.at(0.0036)
     assert plant.at(0.0051).sensed[0] == pytest.approx(middle.position[0], abs=1e-10)
     assert plant.at(0.0051).motor[0] == -1.0
+    plant.push(0.0051, 1.0)
     plant.cut(0.0052)
-    assert plant.at(0.0052).motor[0] == 0.0
+    assert plant.at(0.0052).motor[0] == 0.0 and plant.at(0.01).motor[0] == 0.0
 
 
 def test_the_hand_goes_by_minimum_jerk_and_lets_go(library):
@@ -824,6 +825,25 @@ def test_a_hand_follows_targets_and_tells_the_truth(device):
         last = waiting.until(drawn, "the handle at its target")
         assert last.target[1] == pytest.approx(-0.01, abs=1e-3) and last.energy < 0.0
         assert last.time > first.time
+
+
+def test_a_hand_waits_for_the_display_and_says_when_it_is_done(device):
+    config = "hand_stiffness 500 500 1\nhand_damping 8 8 0.02\nwaypoint 0 0 0 0 1\nwaypoint 0.05 0.01 0 0 1\n"
+    running = device("--udp", 0, config=config)
+    with udp(running) as host:
+
+        def told(flags):
+            return link.truth(host.until(lambda frame: frame.kind == link.TRUTH and frame.flags == flags))
+
+        host.greet()
+        host.command(host.now() + MS, engaged=False)
+        assert told(2).target == (0.0, 0.0, 0.0)
+        first, later = told(0), told(0)
+        assert later.target == (0.0, 0.0, 0.0) and later.time - first.time >= MS
+        host.command(host.now() + MS)
+        done = told(1)
+        assert done.target == (0.01, 0.0, 0.0) and done.target_velocity == (0.0, 0.0, 0.0)
+        assert done.operator_force[0] != 0.0 and done.motor_force == (0.0, 0.0, 0.0)
 
 
 def test_a_device_on_a_line_takes_hosts_that_come_and_go(device, tmp_path):
