@@ -4,8 +4,8 @@
 #include <math.h>
 #include <string.h>
 
-enum { STEP = 10000 };     /* [ns] longest step */
-enum { MOST_EVENTS = 8 };  /* reversals in one step, after which the axis rests to its end */
+enum { STEP = 10000 };    /* [ns] longest step */
+enum { MOST_EVENTS = 8 }; /* reversals in one step, after which the axis rests to its end */
 enum { FALSE_POSITIONS = 3 };
 
 struct target {
@@ -18,7 +18,9 @@ struct state {
 };
 
 /* The script's time now [ns]; with a fraction, of parts of a step. */
-static double script_time(const struct plant *plant) { return (double)(plant->time - plant->hand.begin); }
+static double script_time(const struct plant *plant) {
+    return (double)(plant->time - plant->hand.begin);
+}
 
 static double target_at(const struct plant *plant, double time, struct target *target) {
     return hand_at(&plant->hand, time * 1e-9, target->place, target->rate);
@@ -87,8 +89,8 @@ static struct state step(const struct slide *slide, struct state from, double h,
 }
 
 /* The same over a part of the step, from `begin` [ns of the script] over h [s]. */
-static struct state part(const struct plant *plant, const struct slide *slide, struct state from, double begin, double h,
-                         int i) {
+static struct state part(const struct plant *plant, const struct slide *slide, struct state from, double begin,
+                         double h, int i) {
     struct target target[3];
     for (int at = 0; at < 3; at++) {
         target_at(plant, begin + at * 0.5e9 * h, &target[at]);
@@ -96,7 +98,9 @@ static struct state part(const struct plant *plant, const struct slide *slide, s
     return step(slide, from, h, target, i);
 }
 
-static double sign(double value) { return value > 0.0 ? 1.0 : value < 0.0 ? -1.0 : 0.0; }
+static double sign(double value) {
+    return value > 0.0 ? 1.0 : value < 0.0 ? -1.0 : 0.0;
+}
 
 /* Which way the axis slides from here on: as it moves; at rest as the other forces push, 0 if friction holds them. */
 static double way_of(const struct slide *slide, struct state at, double s, double rate) {
@@ -125,7 +129,8 @@ static double reversal(const struct plant *plant, const struct slide *slide, str
 }
 
 /* An axis with friction over a step that may hold reversals. begin [ns of the script], h [s]. */
-static struct state slid(const struct plant *plant, struct slide *slide, struct state at, double begin, double h, int i) {
+static struct state slid(const struct plant *plant, struct slide *slide, struct state at, double begin, double h,
+                         int i) {
     for (int events = 0; events < MOST_EVENTS && h > 0.0; events++) {
         struct target now;
         target_at(plant, begin, &now);
@@ -231,7 +236,8 @@ void plant_sensed(const struct plant *plant, double position[3]) {
     if (plant->sensing_delay == 0) {
         return;
     }
-    int64_t oldest = plant->kept > PLANT_HISTORY ? plant->kept - PLANT_HISTORY : 0, newest = plant->kept - 1, low = oldest;
+    int64_t oldest = plant->kept > PLANT_HISTORY ? plant->kept - PLANT_HISTORY : 0, newest = plant->kept - 1,
+            low = oldest;
     if (newest < 0 || plant->history[oldest % PLANT_HISTORY].time >= time) {
         memcpy(position, newest < 0 ? plant->position : plant->history[oldest % PLANT_HISTORY].position,
                sizeof plant->position);

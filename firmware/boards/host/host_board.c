@@ -65,7 +65,9 @@ int64_t host_monotonic_time(int64_t device) {
     return began + since - (int64_t)((double)since * rate / (1.0 + rate));
 }
 
-int64_t board_now_ns(void) { return host_device_time(host_monotonic_ns()); }
+int64_t board_now_ns(void) {
+    return host_device_time(host_monotonic_ns());
+}
 
 /* ---- the process ---- */
 
@@ -191,7 +193,9 @@ int board_read(uint8_t *bytes, int room) {
     return count > 0 ? (int)count : 0;
 }
 
-void board_answer_sender(void) { peer = sender; }
+void board_answer_sender(void) {
+    peer = sender;
+}
 
 void board_write(const uint8_t *bytes, int count) {
     if (datagrams) {
