@@ -369,6 +369,16 @@ def test_a_described_device_is_one_that_the_reference_device_takes(device, scrip
     assert greeting.watchdog == 15 * MS
 
 
+@pytest.mark.parametrize(
+    "name, told", [("", b"unnamed"), ("a#b\nc", b"a?b?c"), ("Gerät", b"Ger?t"), ("x" * 25, b"x" * 24)]
+)
+def test_any_name_of_a_device_is_told_in_ascii(device, name, told):
+    described = load_device("desktop").model_copy(update={"name": name})
+    running = device("--udp", 0, config=reference_device.config_of(described, VALUES))
+    with udp(running) as host:
+        assert link.greeting(host.greet()).name == told
+
+
 def test_places_of_the_world_are_told_in_the_devices_own_units():
     axis = {"counts_per_unit": 1000.0, "motor_limit": 2.0, "workspace": [-1.0, 1.0], "velocity_limit": 1.0}
     axes = [{"name": name, "mass": 0.1, "damping": 1.0, **axis} for name in ("x", "y")]
