@@ -34,7 +34,8 @@ void board_write(const uint8_t *bytes, int count);
 /* From now on board_write goes to whoever sent what was read last; nothing to do on a serial line. */
 void board_answer_sender(void);
 
-/* Latches all encoders: counts of x, y, theta. Returns when [ns]. deadline: when it should have been, not in the future. */
+/* Latches all encoders: counts of x, y, theta. Returns when [ns]. deadline: when it should have been, not in the
+ * future. */
 int64_t board_latch(int64_t deadline, int32_t counts[3]);
 
 /* Sets the motors [motor units of x, y, theta], within their limits. Returns when they begin to act [ns].

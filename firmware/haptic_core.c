@@ -6,9 +6,9 @@
 
 #include "haptic_board.h"
 
-enum { UNASKED = 1000000 };                             /* [ns] between samples that nobody has asked for */
-enum { LONGEST_PERIOD = 10000000 };                     /* [ns] of commands */
-static const int64_t LONGEST_PAST = 1000000000;         /* [ns] of a deadline */
+enum { UNASKED = 1000000 };                     /* [ns] between samples that nobody has asked for */
+enum { LONGEST_PERIOD = 10000000 };             /* [ns] of commands */
+static const int64_t LONGEST_PAST = 1000000000; /* [ns] of a deadline */
 static const uint16_t LATCHING = HAPTIC_ESTOP | HAPTIC_HOT | HAPTIC_BROKEN_ENCODER;
 
 static void cut(struct haptic *device, int64_t now) {
@@ -25,7 +25,8 @@ void haptic_begin(struct haptic *device, const struct haptic_description *descri
 
 /* ---- what the device says ---- */
 
-void haptic_send(struct haptic *device, enum haptic_kind kind, uint16_t flags, uint32_t answers, const uint8_t *payload) {
+void haptic_send(struct haptic *device, enum haptic_kind kind, uint16_t flags, uint32_t answers,
+                 const uint8_t *payload) {
     struct haptic_header header = {(uint8_t)kind, flags, device->session, ++device->sent_sequence, answers};
     uint8_t frame[HAPTIC_MOST_FRAME], coded[HAPTIC_MOST_CODED];
     int count = haptic_pack(frame, &header, payload);
@@ -94,7 +95,9 @@ static void look_at_inputs(struct haptic *device, int64_t now) {
 }
 
 /* Commands are awaited: the watchdog runs and deadlines are the servo's. */
-static bool fed(const struct haptic *device) { return device->commanded && !device->cut; }
+static bool fed(const struct haptic *device) {
+    return device->commanded && !device->cut;
+}
 
 static int64_t watchdog_end(const struct haptic *device) {
     return device->command_time + device->description.watchdog;
@@ -110,8 +113,8 @@ static void follow_clock(struct haptic *device, int64_t now) {
     }
 }
 
-/* The first time on the grid of `due` that is after it and after `past`: what had passed when a command came is not made
- * up for. */
+/* The first time on the grid of `due` that is after it and after `past`: what had passed when a command came is not
+ * made up for. */
 static int64_t after(int64_t due, int64_t period, int64_t past) {
     return due + period * (past > due ? (past - due) / period + 1 : 1);
 }
@@ -142,7 +145,7 @@ void haptic_advance(struct haptic *device, int64_t now) {
         return;
     }
     follow_clock(device, now);
-    for (;;) { /* in the order of their times, whatever the delay of this call; at most a watchdog's time of deadlines */
+    for (;;) { /* in the order of their times, however late this is called */
         if (fed(device) && watchdog_end(device) <= now && watchdog_end(device) <= device->deadline) {
             watchdog_cuts(device);
         } else if (device->deadline <= now) {
@@ -184,26 +187,28 @@ static bool take_hello(struct haptic *device, const struct haptic_header *header
     return true;
 }
 
-static bool sensible(const struct haptic *device, const float motors[3], int64_t deadline, int64_t period, int64_t now) {
+static bool sensible(const struct haptic *device, const float motors[3], int64_t deadline, int64_t period,
+                     int64_t now) {
     int64_t ahead = 2 * period > device->description.watchdog ? 2 * period : device->description.watchdog;
     return isfinite(motors[0]) && isfinite(motors[1]) && isfinite(motors[2]) &&
            period >= device->description.shortest_period && period <= LONGEST_PERIOD &&
            deadline >= now - LONGEST_PAST && deadline <= now + ahead;
 }
 
-/* Within the device's limits, on the axes that it has; says whether that changed a value. */
+/* Within the device's limits, 0 for axes that are not there; says whether an axis that is there wanted more. */
 static bool clamp(const struct haptic *device, float motors[3]) {
     bool clamped = false;
     for (uint32_t i = 0; i < 3; i++) {
         float most = device->description.largest_motor[i];
-        float within = i >= device->description.axes ? 0.0f : motors[i] > most ? most : motors[i] < -most ? -most : motors[i];
+        float within = motors[i] > most ? most : motors[i] < -most ? -most : motors[i];
         clamped |= i < device->description.axes && within != motors[i];
         motors[i] = within;
     }
     return clamped;
 }
 
-static bool take_command(struct haptic *device, const struct haptic_header *header, const uint8_t *payload, int64_t now) {
+static bool take_command(struct haptic *device, const struct haptic_header *header, const uint8_t *payload,
+                         int64_t now) {
     int64_t deadline = haptic_get_i64(payload), period = haptic_get_u32(payload + 8);
     float motors[3];
     for (int i = 0; i < 3; i++) {
@@ -255,7 +260,9 @@ static bool take_target(struct haptic *device, const uint8_t *payload) {
 }
 
 /* Of 32 bits, round the end: 0 is newer than 2³² − 1. */
-static bool newer(uint32_t sequence, uint32_t last) { return sequence != last && sequence - last < 0x80000000u; }
+static bool newer(uint32_t sequence, uint32_t last) {
+    return sequence != last && sequence - last < 0x80000000u;
+}
 
 static bool take_frame(struct haptic *device, const uint8_t *frame, int count, int64_t now) {
     struct haptic_header header;
@@ -271,17 +278,17 @@ static bool take_frame(struct haptic *device, const uint8_t *frame, int count, i
         return false;
     }
     switch (header.kind) {
-    case HAPTIC_COMMAND:
-        taken = take_command(device, &header, payload, now);
-        break;
-    case HAPTIC_CLOCK:
-        taken = take_clock(device, &header, payload, now);
-        break;
-    case HAPTIC_TARGET:
-        taken = take_target(device, payload);
-        break;
-    default: /* what a device says itself */
-        taken = false;
+        case HAPTIC_COMMAND:
+            taken = take_command(device, &header, payload, now);
+            break;
+        case HAPTIC_CLOCK:
+            taken = take_clock(device, &header, payload, now);
+            break;
+        case HAPTIC_TARGET:
+            taken = take_target(device, payload);
+            break;
+        default: /* what a device says itself */
+            taken = false;
     }
     if (taken) {
         device->taken_sequence = header.sequence;

@@ -4,9 +4,9 @@
 #include <string.h>
 
 /* Remainders of the 16 nibbles by the reflected polynomial 0xEDB88320: 64 bytes of table, two looks a byte. */
-static const uint32_t NIBBLES[16] = {
-    0x00000000u, 0x1DB71064u, 0x3B6E20C8u, 0x26D930ACu, 0x76DC4190u, 0x6B6B51F4u, 0x4DB26158u, 0x5005713Cu,
-    0xEDB88320u, 0xF00F9344u, 0xD6D6A3E8u, 0xCB61B38Cu, 0x9B64C2B0u, 0x86D3D2D4u, 0xA00AE278u, 0xBDBDF21Cu};
+static const uint32_t NIBBLES[16] = {0x00000000u, 0x1DB71064u, 0x3B6E20C8u, 0x26D930ACu, 0x76DC4190u, 0x6B6B51F4u,
+                                     0x4DB26158u, 0x5005713Cu, 0xEDB88320u, 0xF00F9344u, 0xD6D6A3E8u, 0xCB61B38Cu,
+                                     0x9B64C2B0u, 0x86D3D2D4u, 0xA00AE278u, 0xBDBDF21Cu};
 
 uint32_t haptic_crc32(const uint8_t *bytes, int count) {
     uint32_t remainder = 0xFFFFFFFFu;
@@ -105,11 +105,17 @@ static uint64_t get(const uint8_t *place, int count) {
     return bits;
 }
 
-uint8_t *haptic_put_u16(uint8_t *place, uint16_t value) { return put(place, value, 2); }
+uint8_t *haptic_put_u16(uint8_t *place, uint16_t value) {
+    return put(place, value, 2);
+}
 
-uint8_t *haptic_put_u32(uint8_t *place, uint32_t value) { return put(place, value, 4); }
+uint8_t *haptic_put_u32(uint8_t *place, uint32_t value) {
+    return put(place, value, 4);
+}
 
-uint8_t *haptic_put_i64(uint8_t *place, int64_t value) { return put(place, (uint64_t)value, 8); }
+uint8_t *haptic_put_i64(uint8_t *place, int64_t value) {
+    return put(place, (uint64_t)value, 8);
+}
 
 uint8_t *haptic_put_f32(uint8_t *place, float value) {
     uint32_t bits;
@@ -123,7 +129,9 @@ uint8_t *haptic_put_f64(uint8_t *place, double value) {
     return put(place, bits, 8);
 }
 
-uint32_t haptic_get_u32(const uint8_t *place) { return (uint32_t)get(place, 4); }
+uint32_t haptic_get_u32(const uint8_t *place) {
+    return (uint32_t)get(place, 4);
+}
 
 int64_t haptic_get_i64(const uint8_t *place) {
     uint64_t bits = get(place, 8);

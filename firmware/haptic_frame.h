@@ -40,7 +40,8 @@ uint32_t haptic_crc32(const uint8_t *bytes, int count);
 /* Codes at most 254 bytes without the 0 that ends a frame; returns the number of bytes put into coded (count + 1). */
 int haptic_cobs_encode(const uint8_t *bytes, int count, uint8_t *coded);
 
-/* Decodes `count` bytes that stood before a 0 into `bytes`, which has room for `count`; returns how many, −1: not COBS. */
+/* Decodes `count` bytes that stood before a 0 into `bytes`, which has room for `count`; returns how many, −1: not COBS.
+ */
 int haptic_cobs_decode(const uint8_t *coded, int count, uint8_t *bytes);
 
 /* Bytes of the payload that this kind has; −1 for a kind that is none. */
@@ -49,7 +50,8 @@ int haptic_payload_of(uint8_t kind);
 /* Writes header, payload (as long as its kind says) and CRC into frame; returns the number of bytes. */
 int haptic_pack(uint8_t *frame, const struct haptic_header *header, const uint8_t *payload);
 
-/* Whether version, kind, length and CRC of a frame are right; if so its header. The payload is at frame + HAPTIC_HEAD. */
+/* Whether version, kind, length and CRC of a frame are right; if so its header. The payload is at frame + HAPTIC_HEAD.
+ */
 bool haptic_unpack(const uint8_t *frame, int count, struct haptic_header *header);
 
 /* Numbers as little-endian bytes, IEEE 754; put_… return the place after what they have put. */

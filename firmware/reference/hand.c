@@ -55,7 +55,8 @@ static double through_waypoints(const struct hand *hand, double time, double pla
     return from->grip;
 }
 
-/* Share of the turns after this share s of the time, and its derivative. The rate rises by 3 q² − 2 q³ over the first tenth. */
+/* Share of the turns after this share s of the time, and its derivative. The rate rises by 3 q² − 2 q³ over the first
+ * tenth. */
 static double eased(double s, double *slope) {
     double most = 1.0 / (1.0 - EASE);
     if (s > 1.0 - EASE) {
@@ -99,12 +100,12 @@ double hand_at(const struct hand *hand, double time, double place[3], double rat
         return hand->motion == HAND_WAYPOINTS && hand->count > 0 ? hand->waypoints[0].grip : 1.0;
     }
     switch (hand->motion) {
-    case HAND_CIRCLE:
-        return round_circle(hand, time, place, rate);
-    case HAND_FOLLOW:
-        return after_goal(hand, time, place, rate);
-    default:
-        return hand->count > 0 ? through_waypoints(hand, time, place, rate) : stay(hand->start, place, rate);
+        case HAND_CIRCLE:
+            return round_circle(hand, time, place, rate);
+        case HAND_FOLLOW:
+            return after_goal(hand, time, place, rate);
+        default:
+            return hand->count > 0 ? through_waypoints(hand, time, place, rate) : stay(hand->start, place, rate);
     }
 }
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Where the simulated operator's hand wants the handle: a script through waypoints, a circle, or after targets that come.
- * Positions in m, m, rad, in device units; times in ns, of one clock.
+ * Where the simulated operator's hand wants the handle: a script through waypoints, a circle, or after targets that
+ * come. Positions in m, m, rad, in device units; times in ns, of one clock.
  */
 #ifndef HAND_H
 #define HAND_H

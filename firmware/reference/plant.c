@@ -4,8 +4,9 @@
 #include <math.h>
 #include <string.h>
 
-enum { STEP = 10000 };     /* [ns] longest step */
-enum { MOST_EVENTS = 8 };  /* reversals in one step, after which the axis rests to its end */
+enum { STEP = 10000 };    /* [ns] longest step */
+enum { MOST_EVENTS = 8 }; /* reversals in one step, after which the axis rests to its end */
+enum { FALSE_POSITIONS = 3 };
 
 struct target {
     double place[3], rate[3];
@@ -17,7 +18,9 @@ struct state {
 };
 
 /* The script's time now [ns]; with a fraction, of parts of a step. */
-static double script_time(const struct plant *plant) { return (double)(plant->time - plant->hand.begin); }
+static double script_time(const struct plant *plant) {
+    return (double)(plant->time - plant->hand.begin);
+}
 
 static double target_at(const struct plant *plant, double time, struct target *target) {
     return hand_at(&plant->hand, time * 1e-9, target->place, target->rate);
@@ -86,8 +89,8 @@ static struct state step(const struct slide *slide, struct state from, double h,
 }
 
 /* The same over a part of the step, from `begin` [ns of the script] over h [s]. */
-static struct state part(const struct plant *plant, const struct slide *slide, struct state from, double begin, double h,
-                         int i) {
+static struct state part(const struct plant *plant, const struct slide *slide, struct state from, double begin,
+                         double h, int i) {
     struct target target[3];
     for (int at = 0; at < 3; at++) {
         target_at(plant, begin + at * 0.5e9 * h, &target[at]);
@@ -95,7 +98,9 @@ static struct state part(const struct plant *plant, const struct slide *slide, s
     return step(slide, from, h, target, i);
 }
 
-static double sign(double value) { return value > 0.0 ? 1.0 : value < 0.0 ? -1.0 : 0.0; }
+static double sign(double value) {
+    return value > 0.0 ? 1.0 : value < 0.0 ? -1.0 : 0.0;
+}
 
 /* Which way the axis slides from here on: as it moves; at rest as the other forces push, 0 if friction holds them. */
 static double way_of(const struct slide *slide, struct state at, double s, double rate) {
@@ -103,37 +108,29 @@ static double way_of(const struct slide *slide, struct state at, double s, doubl
     return at.v != 0.0 ? sign(at.v) : fabs(push) > slide->axis->coulomb ? sign(push) : 0.0;
 }
 
-/* When within h the velocity is zero: by the false position (Illinois), the velocity being nearly straight. */
+/* When within h the velocity is zero, and the state there: by false positions, the velocity being nearly straight. */
 static double reversal(const struct plant *plant, const struct slide *slide, struct state from, double begin, double h,
                        double v_end, int i, struct state *there) {
     double low = 0.0, high = h, v_low = from.v, v_high = v_end, at = 0.0;
-    int side = 0;
     *there = from;
-    if (from.v == 0.0) { /* it was pushed, and is pushed back within the step: it has not moved */
-        return 0.0;
-    }
-    for (int tries = 0; tries < 40 && high - low > 1e-15; tries++) {
+    for (int tries = 0; tries < FALSE_POSITIONS && v_low != 0.0; tries++) {
         at = (low * v_high - high * v_low) / (v_high - v_low);
         *there = part(plant, slide, from, begin, at, i);
-        if (there->v == 0.0 || fabs(there->v) < 1e-15) {
-            break;
-        }
-        if (there->v * v_low > 0.0) {
-            low = at, v_low = there->v;
-            v_high *= side > 0 ? 0.5 : 1.0;
-            side = 1;
+        if (there->v * slide->way > 0.0) {
+            low = at;
+            v_low = there->v;
         } else {
-            high = at, v_high = there->v;
-            v_low *= side < 0 ? 0.5 : 1.0;
-            side = -1;
+            high = at;
+            v_high = there->v;
         }
     }
     there->v = 0.0;
-    return at;
+    return at; /* 0: it rested, was pushed, and is pushed back within the step */
 }
 
 /* An axis with friction over a step that may hold reversals. begin [ns of the script], h [s]. */
-static struct state slid(const struct plant *plant, struct slide *slide, struct state at, double begin, double h, int i) {
+static struct state slid(const struct plant *plant, struct slide *slide, struct state at, double begin, double h,
+                         int i) {
     for (int events = 0; events < MOST_EVENTS && h > 0.0; events++) {
         struct target now;
         target_at(plant, begin, &now);
@@ -146,7 +143,7 @@ static struct state slid(const struct plant *plant, struct slide *slide, struct 
             return end;
         }
         double took = reversal(plant, slide, at, begin, h, end.v, i, &there);
-        if (took == 0.0 && at.v == 0.0) {
+        if (took == 0.0) {
             break;
         }
         at = there;
@@ -239,7 +236,8 @@ void plant_sensed(const struct plant *plant, double position[3]) {
     if (plant->sensing_delay == 0) {
         return;
     }
-    int64_t oldest = plant->kept > PLANT_HISTORY ? plant->kept - PLANT_HISTORY : 0, newest = plant->kept - 1, low = oldest;
+    int64_t oldest = plant->kept > PLANT_HISTORY ? plant->kept - PLANT_HISTORY : 0, newest = plant->kept - 1,
+            low = oldest;
     if (newest < 0 || plant->history[oldest % PLANT_HISTORY].time >= time) {
         memcpy(position, newest < 0 ? plant->position : plant->history[oldest % PLANT_HISTORY].position,
                sizeof plant->position);

@@ -4,9 +4,9 @@
  *
  *   (m + m_h) x'' + (b + b_h) x' + k_h x = u + g + k_h s + b_h s' − f_c sign(x')
  *
- * u motor, g weight, s the hand's target. Integrated by Runge and Kutta's method of fourth order in steps of at most 10 µs,
- * with the work at the handle as one more equation. A reversal is found to rounding; at rest the axis sticks while the
- * other forces are at most f_c. Nothing is integrated before it is asked for. SI; times in ns of one clock.
+ * u motor, g weight, s the hand's target. Integrated by Runge and Kutta's method of fourth order in steps of at most 10
+ * µs, with the work at the handle as one more equation. Reversals are found within the steps; at rest the axis sticks
+ * while the other forces are at most f_c. Nothing is integrated before it is asked for. SI; times in ns of one clock.
  */
 #ifndef PLANT_H
 #define PLANT_H
@@ -37,8 +37,8 @@ struct plant {
 
     int64_t time; /* up to which all is integrated */
     double position[3], velocity[3];
-    double motor[3];  /* force of the motor on the handle [N, N, N m] */
-    double energy;    /* given to the operator, −∫ f_operator · x' dt [J] */
+    double motor[3]; /* force of the motor on the handle [N, N, N m] */
+    double energy;   /* given to the operator, −∫ f_operator · x' dt [J] */
 
     struct plant_force pending[PLANT_PENDING]; /* a ring of what has not begun to act */
     int first, waiting;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A device that is a process: the firmware's own core on a host, with a simulated mechanism and hand in place of hardware.
- * Its board functions integrate the plant up to the very times at which the core says that something happens.
+ * A device that is a process: the firmware's own core on a host, with a simulated mechanism and hand in place of
+ * hardware. Its board functions integrate the plant up to the very times at which the core says that something happens.
  */
 #define _XOPEN_SOURCE 700 /* open, dprintf */
 #include <errno.h>
@@ -18,9 +18,9 @@
 #include "plant.h"
 #include "settings.h"
 
-enum { TRUTH_EACH = 2000000, IDLE = 5000000 }; /* [ns] */
-enum { SHORTEST_PERIOD = 100000 };             /* [ns] */
-static const double HOT = 80.0;                /* [°C] from which on it is too hot */
+enum { TRUTH_EACH = 2000000, TRUTH_APART = 1000000, IDLE = 5000000 }; /* [ns] */
+enum { SHORTEST_PERIOD = 100000 };                                    /* [ns] */
+static const double HOT = 80.0;                                       /* [°C] from which on it is too hot */
 
 struct options {
     const char *config, *address, *link, *log;
@@ -60,7 +60,9 @@ int64_t board_write_motors(int64_t now, const float motors[3]) {
     return host_device_time(plant_push(&plant, host_monotonic_time(now), force));
 }
 
-void board_cut_motors(int64_t now) { plant_cut(&plant, host_monotonic_time(now)); }
+void board_cut_motors(int64_t now) {
+    plant_cut(&plant, host_monotonic_time(now));
+}
 
 void board_read_damper(float forces[3]) {
     for (int i = 0; i < plant.axes; i++) {
@@ -75,13 +77,17 @@ uint16_t board_read_inputs(int16_t *value) {
 
 /* ---- what tests do to it, by lines of the standard input ---- */
 
-static void set_input(uint16_t bit, bool on) { inputs = (uint16_t)(on ? inputs | bit : inputs & ~bit); }
+static void set_input(uint16_t bit, bool on) {
+    inputs = (uint16_t)(on ? inputs | bit : inputs & ~bit);
+}
 
 static void hear(const char *line) {
     char what[16];
     double value;
     if (sscanf(line, "%15s %lf", what, &value) != 2 || !(fabs(value) < 1e9)) {
-        fprintf(stderr, "reference_device: %s is no input; write estop, limit, encoder, temperature or jump and a number\n", line);
+        fprintf(stderr,
+                "reference_device: %s is no input; write estop, limit, encoder, temperature or jump and a number\n",
+                line);
     } else if (strcmp(what, "estop") == 0) {
         set_input(BOARD_ESTOP, value != 0.0);
     } else if (strcmp(what, "limit") == 0) {
@@ -105,7 +111,8 @@ static int refuse(const char *sentence) {
     return 1;
 }
 
-static bool number_option(const char *name, const char *text, double low, double high, double *value, char *sentence, int room) {
+static bool number_option(const char *name, const char *text, double low, double high, double *value, char *sentence,
+                          int room) {
     char *end;
     *value = strtod(text, &end);
     if (end == text || *end != 0 || !(*value >= low && *value <= high)) {
@@ -175,12 +182,9 @@ static void build_plant(void) {
     plant.actuation_delay = (int64_t)(settings.actuation_delay * 1e9 + 0.5);
     plant.changed = log_motor;
     for (int i = 0; i < 3; i++) {
-        struct plant_axis axis = {settings.mass[i],
-                                  settings.damping[i],
-                                  settings.coulomb[i],
-                                  settings.mass[i] * settings.gravity[i],
-                                  settings.hand_mass[i],
-                                  settings.hand_damping[i],
+        struct plant_axis axis = {settings.mass[i],          settings.damping[i],
+                                  settings.coulomb[i],       settings.mass[i] * settings.gravity[i],
+                                  settings.hand_mass[i],     settings.hand_damping[i],
                                   settings.hand_stiffness[i]};
         plant.axis[i] = axis;
     }
@@ -259,6 +263,7 @@ static void live(void) {
         }
         if (device.session != 0 && plant.time - told >= TRUTH_EACH) {
             told += (plant.time - told) / TRUTH_EACH * TRUTH_EACH;
+            told = plant.time - told > TRUTH_APART ? plant.time - TRUTH_APART : told;
             tell_truth();
         }
         if (device.session == 0 && host_monotonic_ns() - plant.time > IDLE) {
@@ -292,7 +297,7 @@ int main(int count, char **words) {
     live();
     board_cut_motors(board_now_ns());
     host_close();
-    printf("frames refused %u, watchdog cuts %u, energy given %.6g J\n", (unsigned)device.refused, (unsigned)device.cuts,
-           plant.energy);
+    printf("frames refused %u, watchdog cuts %u, energy given %.6g J\n", (unsigned)device.refused,
+           (unsigned)device.cuts, plant.energy);
     return 0;
 }

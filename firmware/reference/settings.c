@@ -122,8 +122,9 @@ static bool add_waypoint(struct hand *hand, const double numbers[5], char *sente
         return false;
     }
     if (hand->count > 0 && numbers[0] < hand->waypoints[hand->count - 1].time) {
-        snprintf(sentence, (size_t)room, "waypoint at %g s comes after one at %g s; write them in the order of their times",
-                 numbers[0], hand->waypoints[hand->count - 1].time);
+        snprintf(sentence, (size_t)room,
+                 "waypoint at %g s comes after one at %g s; write them in the order of their times", numbers[0],
+                 hand->waypoints[hand->count - 1].time);
         return false;
     }
     if (!(numbers[4] >= 0.0 && numbers[4] <= 1.0)) {
@@ -137,7 +138,8 @@ static bool add_waypoint(struct hand *hand, const double numbers[5], char *sente
     return true;
 }
 
-static bool number_setting(struct settings *settings, const struct key *key, const char *text, char *sentence, int room) {
+static bool number_setting(struct settings *settings, const struct key *key, const char *text, char *sentence,
+                           int room) {
     double numbers[MOST_NUMBERS];
     int count = numbers_of(text, numbers);
     if (count < 0) {
@@ -198,8 +200,9 @@ static bool slow_enough(const struct settings *settings, char *sentence, int roo
         double held = (settings->damping[i] + settings->hand_damping[i]) / mass;
         double fastest = fmax(fmax(alone, held), sqrt(settings->hand_stiffness[i] / mass));
         if (fastest > MOST_STIFF) {
-            snprintf(sentence, (size_t)room, "damping and stiffness make axis %d as fast as %g 1/s; the limit is %g 1/s", i + 1,
-                     fastest, MOST_STIFF);
+            snprintf(sentence, (size_t)room,
+                     "damping and stiffness make axis %d as fast as %g 1/s; the limit is %g 1/s", i + 1, fastest,
+                     MOST_STIFF);
             return false;
         }
     }

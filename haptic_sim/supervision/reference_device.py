@@ -120,7 +120,8 @@ def config_of(device: Device, values: dict[str, Any]) -> str:
 
 
 def _mechanism(device: Device) -> Iterator[str]:
-    yield f"name {device.name.encode('ascii', 'replace')[:24].decode()}"
+    name = "".join(one if one.isprintable() and one != "#" else "?" for one in device.name.strip())
+    yield f"name {name.encode('ascii', 'replace')[:24].decode() or 'unnamed'}"
     yield f"axes {len(device.axes)}"
     last = device.axes[-1]
     axes = [*device.axes, *[last] * (3 - len(device.axes))]  # what the device lacks is not looked at

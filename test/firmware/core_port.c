@@ -18,7 +18,9 @@ static int16_t temperature = BOARD_NO_TEMPERATURE;
 static uint8_t sent[ROOM];
 static int held;
 
-int64_t board_now_ns(void) { return now; }
+int64_t board_now_ns(void) {
+    return now;
+}
 
 int board_read(uint8_t *bytes, int room) {
     (void)bytes;
@@ -57,14 +59,18 @@ void board_cut_motors(int64_t time) {
     memset(motors, 0, sizeof motors);
 }
 
-void board_read_damper(float forces[3]) { forces[0] = 0.5f; }
+void board_read_damper(float forces[3]) {
+    forces[0] = 0.5f;
+}
 
 uint16_t board_read_inputs(int16_t *value) {
     *value = temperature;
     return inputs;
 }
 
-void board_wait_until(int64_t time) { now = time; }
+void board_wait_until(int64_t time) {
+    now = time;
+}
 
 /* ---- what a test calls ---- */
 
@@ -90,20 +96,40 @@ void port_begin(int64_t time, int axes, int datagrams) {
     cuts = 0;
 }
 
-void port_time(int64_t time) { now = time; }
+void port_time(int64_t time) {
+    now = time;
+}
 void port_inputs(int bits, int value) {
     inputs = (uint16_t)bits;
     temperature = (int16_t)value;
 }
-void port_advance(void) { haptic_advance(&device, now); }
-void port_receive(const uint8_t *bytes, int count) { haptic_receive(&device, bytes, count, now); }
-void port_motors(float values[3]) { memcpy(values, motors, sizeof motors); }
-int64_t port_due(void) { return haptic_due(&device, now); }
-int port_writes(void) { return writes; }
-int port_refused(void) { return (int)device.refused; }
-int port_cuts(void) { return (int)device.cuts; }
-void port_target(double target[3]) { memcpy(target, device.target, sizeof device.target); }
-void port_sent_sequence(uint32_t sequence) { device.sent_sequence = sequence; }
+void port_advance(void) {
+    haptic_advance(&device, now);
+}
+void port_receive(const uint8_t *bytes, int count) {
+    haptic_receive(&device, bytes, count, now);
+}
+void port_motors(float values[3]) {
+    memcpy(values, motors, sizeof motors);
+}
+int64_t port_due(void) {
+    return haptic_due(&device, now);
+}
+int port_writes(void) {
+    return writes;
+}
+int port_refused(void) {
+    return (int)device.refused;
+}
+int port_cuts(void) {
+    return (int)device.cuts;
+}
+void port_target(double target[3]) {
+    memcpy(target, device.target, sizeof device.target);
+}
+void port_sent_sequence(uint32_t sequence) {
+    device.sent_sequence = sequence;
+}
 
 /* All that was sent since this was asked last; returns the number of bytes. */
 int port_sent(uint8_t *bytes, int room) {

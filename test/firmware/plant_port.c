@@ -41,12 +41,24 @@ void plant_port_follow(double lag) {
     plant.hand.lag = lag;
 }
 
-void plant_port_script(void) { hand_begin(&plant.hand, plant.time); }
-void plant_port_goal(const double goal[3]) { hand_follow(&plant.hand, plant.time, goal); }
-void plant_port_advance(int64_t time) { plant_advance(&plant, time); }
-int64_t plant_port_push(int64_t time, const double force[3]) { return plant_push(&plant, time, force); }
-void plant_port_cut(int64_t time) { plant_cut(&plant, time); }
-int plant_port_done(void) { return hand_done(&plant.hand, plant.time); }
+void plant_port_script(void) {
+    hand_begin(&plant.hand, plant.time);
+}
+void plant_port_goal(const double goal[3]) {
+    hand_follow(&plant.hand, plant.time, goal);
+}
+void plant_port_advance(int64_t time) {
+    plant_advance(&plant, time);
+}
+int64_t plant_port_push(int64_t time, const double force[3]) {
+    return plant_push(&plant, time, force);
+}
+void plant_port_cut(int64_t time) {
+    plant_cut(&plant, time);
+}
+int plant_port_done(void) {
+    return hand_done(&plant.hand, plant.time);
+}
 
 /* position, velocity, motor, operator's force, target and its velocity, sensed position, each of 3; energy. */
 void plant_port_state(double state[22]) {

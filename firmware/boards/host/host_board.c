@@ -65,7 +65,9 @@ int64_t host_monotonic_time(int64_t device) {
     return began + since - (int64_t)((double)since * rate / (1.0 + rate));
 }
 
-int64_t board_now_ns(void) { return host_device_time(host_monotonic_ns()); }
+int64_t board_now_ns(void) {
+    return host_device_time(host_monotonic_ns());
+}
 
 /* ---- the process ---- */
 
@@ -78,6 +80,9 @@ void host_begin(const struct host_clock *options) {
     static const int ENDING[3] = {SIGINT, SIGTERM, SIGHUP};
     struct sigaction action;
     sigset_t blocked;
+    if (fcntl(STDIN_FILENO, F_GETFD) < 0) { /* else the line would become the standard input */
+        (void)!open("/dev/null", O_RDONLY);
+    }
     clock_options = *options;
     began = host_monotonic_ns();
     memset(&action, 0, sizeof action);
@@ -188,7 +193,9 @@ int board_read(uint8_t *bytes, int room) {
     return count > 0 ? (int)count : 0;
 }
 
-void board_answer_sender(void) { peer = sender; }
+void board_answer_sender(void) {
+    peer = sender;
+}
 
 void board_write(const uint8_t *bytes, int count) {
     if (datagrams) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// An RP2040 (Arduino-Pico core) with one encoder, counted by interrupts, and one motor by PWM and direction, on its own USB.
-// Put this file and haptic_*.{h,c} into one sketch folder. Every number below is this board's wiring: change them to yours.
+// An RP2040 (Arduino-Pico core) with one encoder, counted by interrupts, and one motor by PWM and direction, on its own
+// USB. Put this file and haptic_*.{h,c} into one sketch folder. Every number below is this board's wiring: change them
+// to yours.
 #include <Arduino.h>
 
 #include "haptic_board.h"
@@ -20,7 +21,9 @@ static void quadrature() {  // on each edge: the new phase is one step before or
     count_x += STEPS[phase];
 }
 
-int64_t board_now_ns(void) { return (int64_t)time_us_64() * 1000; }
+int64_t board_now_ns(void) {
+    return (int64_t)time_us_64() * 1000;
+}
 
 int board_read(uint8_t *bytes, int room) {
     int count = 0;
@@ -89,4 +92,6 @@ void setup() {
     haptic_begin(&device, &known);
 }
 
-void loop() { haptic_step(&device); }
+void loop() {
+    haptic_step(&device);
+}

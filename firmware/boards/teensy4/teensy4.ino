@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// A Teensy 4 with two encoders (the Encoder library) and two motors by PWM and direction, on its own USB. Put this file and
-// haptic_*.{h,c} into one sketch folder. Every number below is this board's wiring: change them to yours.
+// A Teensy 4 with two encoders (the Encoder library) and two motors by PWM and direction, on its own USB. Put this file
+// and haptic_*.{h,c} into one sketch folder. Every number below is this board's wiring: change them to yours.
 #include <Arduino.h>
 #include <Encoder.h>
 
 #include "haptic_board.h"
 #include "haptic_core.h"
 
-static const int PWM[2] = {2, 3}, DIRECTION[2] = {4, 5}, ENABLE = 6, ESTOP = 7;  // ESTOP: closed to ground when released
-static const float LARGEST = 1.0f;                                             // motor units: share of full current
-static const int FULL = 4095;                                                    // PWM of 12 bits
+static const int PWM[2] = {2, 3}, DIRECTION[2] = {4, 5}, ENABLE = 6,
+                 ESTOP = 7;         // ESTOP: closed to ground when released
+static const float LARGEST = 1.0f;  // motor units: share of full current
+static const int FULL = 4095;       // PWM of 12 bits
 
 static Encoder encoder_x(8, 9), encoder_y(10, 11);
 static struct haptic device;
@@ -93,4 +94,6 @@ void setup() {
     haptic_begin(&device, &known);
 }
 
-void loop() { haptic_step(&device); }
+void loop() {
+    haptic_step(&device);
+}

@@ -1,0 +1,396 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The reference device on real lines, and what compiles and configures it."""
+
+import contextlib
+import math
+import os
+import runpy
+import shutil
+import signal
+import subprocess
+import sys
+import termios
+import time
+from pathlib import Path
+
+import firmware_builds
+import link_frames as link
+import numpy as np
+import pytest
+import waiting
+from firmware_builds import FIRMWARE, ROOT
+
+from haptic_device.description import load_device, parse
+from haptic_device.parameters import LOOPBACK
+from haptic_sim.supervision import reference_device
+
+MS = 1_000_000
+
+
+class Device:
+    """A reference device that runs; `say` sets an input."""
+
+    def __init__(self, *options, config=""):
+        if config:
+            file = firmware_builds.folder() / f"{os.getpid()}_{time.monotonic_ns()}.config"
+            file.write_text(config)
+            options = (*options, "--config", str(file))
+        pipe = subprocess.PIPE
+        self.process = subprocess.Popen(
+            [firmware_builds.device(), *map(str, options)], stdin=pipe, stdout=pipe, stderr=pipe, text=True
+        )
+        self.line = self.process.stdout.readline().split()
+
+    def say(self, line):
+        self.process.stdin.write(line + "\n")
+        self.process.stdin.flush()
+
+    def end(self, number=signal.SIGTERM):
+        """What it says at its end."""
+        self.process.send_signal(number)
+        said, complained = self.process.communicate()
+        assert (self.process.returncode, complained) == (0, "")
+        return said
+
+
+@pytest.fixture
+def device():
+    """Starts devices, and ends those that are left."""
+    devices = []
+
+    def start(*options, **more):
+        devices.append(Device(*options, **more))
+        return devices[-1]
+
+    yield start
+    for one in devices:
+        one.process.kill()
+        one.process.communicate()
+
+
+@contextlib.contextmanager
+def talking(host):
+    try:
+        yield host
+    finally:
+        host.close()
+
+
+def udp(device):
+    return talking(link.UdpHost(int(device.line[1])))
+
+
+def is_sample(frame):
+    return frame.kind == link.SAMPLE
+
+
+@contextlib.contextmanager
+def terminal(path):
+    """A host on a serial line that it opens as hosts do."""
+    file = os.open(path, os.O_RDWR | os.O_NOCTTY)
+    termios.tcflush(file, termios.TCIOFLUSH)
+    with talking(link.SerialHost(file, session=time.monotonic_ns() & 0x7FFFFFFF | 1)) as host:
+        yield host
+
+
+def motor_changes(file):
+    """(time [ns], force on x) of a device's log."""
+    return [(int(line.split()[0]), float(line.split()[1])) for line in file.read_text().splitlines()]
+
+
+def test_a_device_on_udp_is_driven_and_cut_to_the_nanosecond(device, tmp_path):
+    log, config = tmp_path / "log", "watchdog 0.2\nmotor_constant 2 1 1\nmotor_sign -1 1 1\nencoder_sign -1 1 1\n"
+    running = device("--udp", 0, "--log", log, config=config)
+    with udp(running) as host:
+        greeting = link.greeting(host.greet())
+        assert greeting.name == b"reference" and greeting.largest_motor == (7.5, 15.0, 1.0) and greeting.features == 1
+        deadline = host.now() + 100 * MS
+        said = host.command(deadline, 5 * MS, (1.0, 0.0, 0.0))
+        sample = link.sample(host.until(lambda frame: is_sample(frame) and frame.answers == said))
+        assert (sample.deadline, sample.sampled) == (deadline, deadline)
+        t, lag = (deadline - sample.applied) * 1e-9, 0.1 / 3.0
+        way = -2.0 / 3.0 * (t - lag * (1 - math.exp(-t / lag)))
+        assert sample.counts == (math.floor(-way * 2e5 + 0.5), 0, 0)
+        assert sample.damper[0] == pytest.approx(-2.0 * (1 - math.exp(-t / lag)), rel=1e-6)
+        cut = host.until(lambda frame: is_sample(frame) and frame.flags == link.CUT)
+        assert cut.answers == 0 and link.sample(cut).deadline == sample.applied + 200 * MS
+        truth = link.truth(host.until(lambda frame: frame.kind == link.TRUTH and not frame.flags & 2))
+        assert truth.motor_force == (0.0, 0.0, 0.0) and truth.position[0] < way and truth.energy == 0.0
+    assert running.end() == "frames refused 0, watchdog cuts 1, energy given 0 J\n"
+    assert motor_changes(log) == [(sample.applied, -2.0), (sample.applied + 200 * MS, 0.0)]
+
+
+def test_the_last_hello_has_the_device_and_the_motor_is_cut_for_it(device, tmp_path):
+    log = tmp_path / "log"
+    running = device("--udp", 0, "--log", log, config="watchdog 4\n")
+    with udp(running) as host, talking(link.UdpHost(int(running.line[1]), session=99)) as second:
+        host.greet()
+        host.command(host.now() + MS, MS, (1.0, 0.0, 0.0))
+        second.greet()
+        assert [force for _, force in motor_changes(log)] == [1.0, 0.0]
+        host.command(second.now() + MS, MS, (1.0, 0.0, 0.0))
+        said = second.command(second.now() + MS)
+        second.until(lambda frame: is_sample(frame) and frame.answers == said)
+        assert {frame.session for frame in host.frames(0.01)} <= {host.session}
+    assert running.end(signal.SIGINT).startswith("frames refused 1, watchdog cuts 0,")
+    assert [force for _, force in motor_changes(log)] == [1.0, 0.0]
+
+
+def clocks(host):
+    """CLOCK_MONOTONIC before the device said its time, that time, and after it [ns]."""
+    before, device_time, after = time.monotonic_ns(), host.now(), time.monotonic_ns()
+    return np.array([before, device_time, after])
+
+
+def sampled_exactly(host):
+    """Whether a command of now is answered with a sample of the very deadline."""
+    said = host.command(host.now() + 300 * MS)
+    sample = link.sample(host.until(lambda frame: is_sample(frame) and frame.answers == said))
+    return sample.sampled == sample.deadline
+
+
+def test_a_clock_may_be_off_and_run_off(device):
+    running = device("--udp", 0, "--clock-offset-s", -5, "--clock-ppm", 5e4, config="watchdog 1\n")
+    with udp(running) as host:
+        host.greet()
+        first = clocks(host)
+        assert first[1] - first[0] >= -5e9 and sampled_exactly(host)
+        passed = clocks(host) - first
+        assert (passed[0] - first[2] + first[0]) * 1.05 <= passed[1] <= (passed[2] + first[2] - first[0]) * 1.05
+
+
+def test_a_clock_may_step(device):
+    running = device("--udp", 0, "--clock-step-us", -2e6, "--clock-step-at", 0.05, config="watchdog 1\n")
+    with udp(running) as host:
+        host.greet()
+        waiting.until(lambda: clocks(host)[1] < clocks(host)[0] - 1.9e9, "the step")
+        now = clocks(host)
+        assert now[0] <= now[1] + 2e9 <= now[2] and sampled_exactly(host)
+
+
+def test_inputs_of_a_device_are_set_by_lines(device):
+    running = device("--udp", 0)
+    with udp(running) as host:
+        host.greet()
+
+        def shown(flags):
+            return link.sample(host.until(lambda frame: is_sample(frame) and frame.flags == flags))
+
+        assert shown(0).temperature == -32768
+        running.say("temperature 71.5\nlimit 1")
+        assert shown(link.END_SWITCH).temperature == 715
+        running.say("limit 0\njump 5000\nestop 1")
+        assert shown(link.ESTOP).counts == (5000, 0, 0)
+        running.say("estop 0\ntemperature 80")
+        assert shown(link.ESTOP | link.HOT).temperature == 800
+        running.say("temperature 79.9")
+        waiting.until(lambda: shown(link.ESTOP | link.HOT).temperature == 799, "a colder device")
+        host.command(host.now() + MS, engaged=False)
+        shown(0)
+        running.process.stdin.close()
+        running.process.stdin = None
+        host.greet()
+    assert "watchdog cuts" in running.end()
+
+
+def test_a_hand_follows_targets_and_tells_the_truth(device):
+    config = "motion follow\nlag 0.005\nhand_mass 0 0 0\nhand_damping 8 8 0\nhand_stiffness 500 500 0\nstart 0.01 0 0\n"
+    running = device("--udp", 0, config=config)
+    with udp(running) as host:
+        host.greet()
+        first = link.truth(host.until(lambda frame: frame.kind == link.TRUTH))
+        assert first.position == first.target == (0.01, 0.0, 0.0)
+
+        def drawn():
+            host.command(host.now() + MS)
+            host.send(link.TARGET, 0.03, -0.01, 0.0)
+            truth = link.truth(host.until(lambda frame: frame.kind == link.TRUTH))
+            return abs(truth.position[0] - 0.03) < 1e-4 and truth
+
+        last = waiting.until(drawn, "the handle at its target")
+        assert last.target[1] == pytest.approx(-0.01, abs=1e-3) and last.energy < 0.0
+        assert last.time > first.time
+
+
+def test_a_hand_waits_for_the_display_and_says_when_it_is_done(device):
+    config = "hand_stiffness 500 500 1\nhand_damping 8 8 0.02\nwaypoint 0 0 0 0 1\nwaypoint 0.05 0.01 0 0 1\n"
+    running = device("--udp", 0, config=config)
+    with udp(running) as host:
+
+        def told(flags):
+            return link.truth(host.until(lambda frame: frame.kind == link.TRUTH and frame.flags == flags))
+
+        host.greet()
+        host.command(host.now() + MS, engaged=False)
+        assert told(2).target == (0.0, 0.0, 0.0)
+        first, later = told(0), told(0)
+        assert later.target == (0.0, 0.0, 0.0) and later.time - first.time >= MS
+        host.command(host.now() + MS)
+        done = told(1)
+        assert done.target == (0.01, 0.0, 0.0) and done.target_velocity == (0.0, 0.0, 0.0)
+        assert done.operator_force[0] != 0.0 and done.motor_force == (0.0, 0.0, 0.0)
+
+
+def test_a_device_on_a_line_takes_hosts_that_come_and_go(device, tmp_path):
+    running = device("--pty", tmp_path / "line", config="watchdog 1\n")
+    assert running.line[0] == "pty" and os.readlink(tmp_path / "line") == running.line[1]
+    for _ in range(2):
+        with terminal(tmp_path / "line") as host:
+            assert link.greeting(host.greet()).axes == 3
+            host.write(b"\1\2\3\0\0noise\0")
+            assert sampled_exactly(host)
+    assert running.end().startswith("frames refused 4,")
+    assert not (tmp_path / "line").is_symlink()
+
+
+def test_a_device_ends_with_its_parent():
+    parent = (
+        "import subprocess, sys\n"
+        "device = subprocess.Popen([sys.argv[1], '--udp', '0'], stdout=subprocess.PIPE, text=True)\n"
+        "device.stdout.readline()\n"
+        "print(device.pid, flush=True)\n"
+        "sys.stdin.read()\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", parent, firmware_builds.device()], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as process:
+        pid = int(process.stdout.readline())
+        process.kill()
+
+    def gone():
+        stat = Path(f"/proc/{pid}/stat")
+        return not stat.exists() or stat.read_text().split()[2] == "Z"
+
+    waiting.until(gone, "the end of the device")
+
+
+@pytest.mark.parametrize(
+    "options, config, sentence",
+    [
+        (("--udp", "0"), "mas 1 1 1", "line 1: mas is no key that is known"),
+        (("--udp", "0"), "axes 2\nmass 1 1", "line 2: mass has 2 numbers; write 3"),
+        (("--udp", "0"), "mass 1 nought 1", "line 1: mass is 1 nought 1, which is no number"),
+        (("--udp", "0"), "mass 1 0 1", "line 1: mass is 0 kg | kg m2; the limits are 1e-12 and 1e+09"),
+        (("--udp", "0"), "mass 1 nan 1", "line 1: mass is nan kg | kg m2; the limits are 1e-12 and 1e+09"),
+        (("--udp", "0"), "sensing_delay 0.101", "line 1: sensing_delay is 0.101 s; the limits are 0 and 0.1"),
+        (("--udp", "0"), "axes 2.5", "line 1: axes is 2.5; the limits are 1 and 3"),
+        (("--udp", "0"), "motor_sign 1 0.5 1", "line 1: motor_sign is 0.5; the limits are -1 and 1"),
+        (("--udp", "0"), "motion jump", "line 1: motion is jump; write waypoints, circle or follow"),
+        (("--udp", "0"), "hand_damping 9999999 0 0", "axis 1 as fast as 1e+08 1/s; the limit is 100000 1/s"),
+        (
+            ("--udp", "0"),
+            "waypoint 1 0 0 0 1\nwaypoint 0.5 0 0 0 1",
+            "comes after one at 1 s; write them in the order of their times",
+        ),
+        (("--udp", "0", "--pty", "/tmp/x"), "", "write either --udp PORT or --pty LINK"),
+        ((), "", "write either --udp PORT or --pty LINK"),
+        (("--udp", "65536"), "", "--udp is 65536; write a number from 0 to 65535"),
+        (("--udp", "0", "--frob", "1"), "", "--frob is no option that is known"),
+        (("--udp",), "", "--udp needs a value"),
+        (("--udp", "0", "--bind", "nowhere"), "", "nowhere:0: Invalid argument"),
+        (("--pty", "/"), "", "/: File exists"),
+        (("--udp", "0", "--config", "/nowhere"), "", "/nowhere: No such file or directory"),
+    ],
+)
+def test_what_is_wrong_is_said_in_a_sentence(tmp_path, options, config, sentence):
+    if config:
+        (tmp_path / "config").write_text(config + "\n")
+        options = (*options, "--config", str(tmp_path / "config"))
+    done = subprocess.run([firmware_builds.device(), *options], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (1, "", 1)
+    assert done.stderr.rstrip("\n").endswith(sentence)
+
+
+# ---- what starts it ----
+
+VALUES = {parameter.name: parameter.default for parameter in LOOPBACK}
+
+
+def test_make_and_the_package_build_the_same_program(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    program = reference_device.compiled()
+    assert program.parent.parent == tmp_path / "haptic_display" and list(program.parent.iterdir()) == [program]
+    monkeypatch.setenv("CC", "nothing_of_this_name")
+    assert reference_device.compiled() == program
+    copy = tmp_path / "firmware"
+    subprocess.run(["cp", "-r", str(FIRMWARE), str(copy)], check=True)
+    subprocess.run(["make", "-s", "-C", str(copy), "clean", "CC=gcc"], check=True)
+    subprocess.run(["make", "-s", "-C", str(copy), "CC=gcc"], check=True)
+    for one in (program, copy / "build/reference_device"):
+        done = subprocess.run([one], capture_output=True, text=True, check=False)
+        assert done.stderr == "reference_device: write either --udp PORT or --pty LINK\n"
+
+
+def test_an_installed_package_finds_all_that_it_compiles(monkeypatch, tmp_path):
+    """What setup.py installs, in the place where it installs it, of a package that has no source tree around it."""
+    monkeypatch.chdir(ROOT)
+    told = {}
+    monkeypatch.setattr("setuptools.setup", lambda **facts: told.update(facts))
+    runpy.run_path("setup.py")
+    for folder, files in told["data_files"]:
+        for file in files:
+            (tmp_path / folder).mkdir(parents=True, exist_ok=True)
+            shutil.copy(file, tmp_path / folder)
+    monkeypatch.setattr("sys.prefix", "/nowhere")
+    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
+    monkeypatch.setattr(reference_device, "__file__", str(tmp_path / "lib/haptic_sim/supervision/reference_device.py"))
+    with pytest.raises(ValueError, match="^the firmware's sources are not in "):
+        reference_device.sources()
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nowhere:{tmp_path}")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    assert reference_device.sources() == tmp_path / "share/haptic_display/firmware"
+    assert reference_device.compiled().is_file()
+
+
+def test_without_a_compiler_or_with_one_that_refuses_a_sentence_says_so(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("CC", raising=False)
+    with pytest.raises(ValueError, match=r"^the reference device needs a C compiler \(\$CC, cc, gcc, clang\); install"):
+        reference_device.compiled()
+    refusing = tmp_path / "cc"
+    refusing.write_text("#!/bin/sh\necho 'x.c:1: note' >&2\necho 'x.c:1: error: no' >&2\nexit 1\n")
+    refusing.chmod(0o755)
+    with pytest.raises(ValueError, match="^cc does not compile the reference device: x.c:1: error: no$"):
+        reference_device.compiled()
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    with pytest.raises(ValueError, match="^the reference device cannot be compiled: .*Not a directory$"):
+        reference_device.compiled()
+
+
+@pytest.mark.parametrize("script", ["hold", "insert_peg", "tap", "circle", "let_go", "waypoints", "follow"])
+def test_a_described_device_is_one_that_the_reference_device_takes(device, script):
+    values = VALUES | {"motion.name": script, "motion.target": (0.04, -0.02, 0.5), "motion.waypoints": (0.01, 0.0, 0.2)}
+    running = device("--udp", 0, config=reference_device.config_of(load_device("desktop"), values))
+    with udp(running) as host:
+        greeting = link.greeting(host.greet())
+    assert greeting.name == b"desktop" and greeting.counts_per_unit == (200000.0, 200000.0, 40000.0)
+    assert greeting.watchdog == 15 * MS
+
+
+@pytest.mark.parametrize(
+    "name, told", [("", b"unnamed"), ("a#b\nc", b"a?b?c"), ("Gerät", b"Ger?t"), ("x" * 25, b"x" * 24)]
+)
+def test_any_name_of_a_device_is_told_in_ascii(device, name, told):
+    described = load_device("desktop").model_copy(update={"name": name})
+    running = device("--udp", 0, config=reference_device.config_of(described, VALUES))
+    with udp(running) as host:
+        assert link.greeting(host.greet()).name == told
+
+
+def test_places_of_the_world_are_told_in_the_devices_own_units():
+    axis = {"counts_per_unit": 1000.0, "motor_limit": 2.0, "workspace": [-1.0, 1.0], "velocity_limit": 1.0}
+    axes = [{"name": name, "mass": 0.1, "damping": 1.0, **axis} for name in ("x", "y")]
+    described = parse({"name": "small", "axes": axes, "scale": [2.0, 1.0], "gravity": [0.0, -9.81]}, "small")
+    values = VALUES | {"motion.name": "waypoints", "motion.waypoints": (0.2, 0.1, 0.7), "motion.start": (0.1, 0.0, 0.3)}
+    lines = reference_device.config_of(described, values).splitlines()
+    assert {"axes 2", "start 0.05 0.0 0.0", "gravity 0.0 -9.81 0.0", "motor_limit 2.0 2.0 2.0"} <= set(lines)
+    assert [line for line in lines if line.startswith("waypoint")] == [
+        "waypoint 0.0 0.05 0.0 0.0 1.0",
+        "waypoint 4.0 0.1 0.05 0.0 1.0",
+    ]
+    circle = reference_device.config_of(described, VALUES | {"motion.name": "circle"}).splitlines()
+    assert {"motion circle", "radius 0.015", "turns 4.0", "duration 4.0"} <= set(circle)
+    with pytest.raises(ValueError, match=r"^motor_watchdog is 4.01 s; the reference device stands 4 s at most$"):
+        reference_device.config_of(described, VALUES | {"motor_watchdog": 4.01})
