@@ -20,7 +20,7 @@ from haptic_device.link.codec import COMMAND, CUT, DUE, IDLE, OPENED
 DEVICES = Path(__file__).parents[1] / "config/devices"
 EMULATORS = Path(__file__).parent / "emulators"
 MS = 1_000_000  # [ns]
-PATIENCE = 0.05  # [s] for an answer: longer than a codec's
+PATIENCE = 0.1  # [s] for an answer: a codec looks at the time only when it is called
 
 
 class Sample(NamedTuple):
@@ -148,8 +148,7 @@ class PortHost(Host):
 
     def look(self):
         """What happens without a servo."""
-        self.idle()
-        self.listen()
+        self.listen(PATIENCE if self.idle() else 0.005)
 
     def sample(self, *motor, engaged=1):
         """One turn of a servo: these motor values written, and the sample of the deadline that they announce."""

@@ -166,12 +166,13 @@ def test_an_answer_that_is_missing_for_20_ms_switches_the_motors_off_and_the_boa
     assert host.write(0.1, 0.1) == request(0.1, 0.1)
 
 
-def test_a_board_that_does_not_answer_then_either_is_set_up_with_the_angles_known_last_and_says_so():
+@pytest.mark.parametrize("known", [(-1000, 321), (-999, 0), (2277, -5), (7, 4881), (-14640, 14639)])
+def test_a_board_that_does_not_answer_then_either_is_set_up_with_the_angles_known_last_and_says_so(known):
     host = opened()
     host.write(0.1, 0.1)
     host.hear(reply())
     host.due()
-    host.hear(reply((-1000, 321)))
+    host.hear(reply(known))
     assert host.write(0.1, 0.1)
     assert host.idle(after=20 * MS + 1) == ZERO
     assert host.idle(after=20 * MS) == ZERO
@@ -183,9 +184,9 @@ def test_a_board_that_does_not_answer_then_either_is_set_up_with_the_angles_know
     second, resolution, first, same = struct.unpack("<ffff", setup[10:])
     assert resolution == same == 4880
     for counts in (math.trunc, round):  # either way that a board may take an angle
-        assert (counts(first * 4880 / 360), counts(second * 4880 / 360)) == (-1000, 321)
+        assert (counts(first * 4880 / 360), counts(second * 4880 / 360)) == known
     assert host.idle(after=20 * MS) == ZERO
-    host.hear(reply((-1000, 321)))
+    host.hear(reply(known))
     assert host.state[SESSIONS] == 2
     for engaged, torques in ((1, (0.1, 0.1)), (1, (0.0, 0.0)), (0, (0.1, 0.0))):
         assert host.write(*torques, engaged=engaged) == ZERO
@@ -251,7 +252,10 @@ def test_cut_is_sent_whatever_is_awaited_and_the_next_sample_is_told_from_its_an
     host = opened()
     host.write(0.1, 0.1)
     assert host.cut() == host.cut() == ZERO
-    assert host.hear(reply() + reply() + reply()) == [] and host.state[REFUSED] == 0
+    assert host.hear(reply() + reply()) == []
+    assert host.state[ROUND_TRIP] == MS  # of the last request alone it is known which answer is its own
+    assert host.hear(reply(), after=3 * MS) == [] and host.state[REFUSED] == 0
+    assert host.state[ROUND_TRIP] == 3 * MS
     assert host.idle(after=20 * MS + 1) == ZERO
     (sample,) = host.hear(reply((1, 2)))
     assert sample.counts == (1, 2, 0)
@@ -268,7 +272,9 @@ def test_cut_is_zero_torque_at_any_moment_after_the_line_was_opened():
     host.hear(reply())
     host.write(0.1, 0.1)
     host.idle(after=20 * MS + 1)
-    assert host.cut() == ZERO
+    assert host.cut(after=10 * MS) == ZERO
+    assert host.idle(after=20 * MS - 1) == b""  # its answer has to be over too
+    assert host.idle(after=1) == ZERO
 
 
 def test_cut_does_not_fill_the_line_of_a_board_that_does_not_answer():
@@ -303,6 +309,9 @@ def test_delay_is_from_the_servos_write_to_half_the_round_trip_and_the_worst_sta
         host.write(0.0, 0.0)
         host.hear(reply(), after=trip)
     assert host.state[DELAY] == 450_000 and host.state[ROUND_TRIP] == 300_000
+    host.due(after=MS)
+    host.hear(reply())
+    assert host.state[DELAY] == 450_000  # the deadline's request takes nothing new there
     host.due()
     host.write(0.01, 0.01)  # cannot be sent yet
     host.hear(reply(), after=MS)

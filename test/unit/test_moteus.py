@@ -204,10 +204,26 @@ def test_a_drive_that_gave_up_is_stopped_only_by_a_command_that_is_not_engaged_a
     for engaged, value in ((1, 1.0), (1, 0.0), (0, 1.0)):
         assert host.write(value, engaged=engaged) == request(value)
         host.hear(reply(mode=mode))
+    assert host.write(math.nan, engaged=0) == request(0.0)
+    host.hear(reply(mode=mode))
     assert host.write(0.0, engaged=0) == stop()
     host.hear(reply(mode=0))
     assert host.write(0.0, engaged=0) == request(0.0)
     assert host.cut() == no_torque()
+
+
+def test_what_a_drive_was_before_the_line_was_opened_anew_is_forgotten():
+    host = opened()
+    host.write(1.0)
+    host.hear(reply(mode=11))
+    host.open()
+    assert host.write(0.0, engaged=0, after=MS) == b""  # it is being asked
+    host.hear(reply(mode=0))
+    assert host.write(0.0, engaged=0) == request(0.0)
+    host.hear(reply(mode=11))
+    host.open()
+    assert host.idle(after=20 * MS + 1) == b""
+    assert host.write(0.0, engaged=0, after=20 * MS) == request(0.0)
 
 
 def test_temperature_is_the_hottest_drives():
@@ -247,7 +263,7 @@ BAD_LINES = {
     "no address": b"rcv  %s\r\n" % WHOLE.hex().encode(),
     "address too long": b"rcv 000000100 %s\r\n" % WHOLE.hex().encode(),
     "no data": b"rcv 100\r\n",
-    "half a byte": b"rcv 100 %s\r\n" % WHOLE.hex().encode()[:-1],
+    "half a byte": b"rcv 100 %s5\r\n" % WHOLE.hex().encode(),
     "no digit": b"rcv 100 %sG0\r\n" % WHOLE.hex().encode(),
     "too long": b"rcv 100 %s\r\n" % (WHOLE + bytes(64)).hex().encode(),
     "no mode": heard(PLACE),
@@ -271,6 +287,23 @@ def test_a_line_that_is_no_answer_is_refused_and_the_answer_after_it_is_taken(wh
     assert host.state[REFUSED] == 1
 
 
+@pytest.mark.parametrize("length, taken", [(256, True), (257, False)])
+def test_a_line_may_be_256_bytes_long(length, taken):
+    host = opened()
+    host.idle(after=20 * MS + 1)
+    text = heard(WHOLE).strip().ljust(length, b"x")
+    assert host.hear(text) == []
+    assert bool(host.hear(b"\n")) == taken
+
+
+def test_what_follows_in_a_line_that_is_too_long_is_no_line_of_its_own():
+    host = opened()
+    host.idle(after=20 * MS + 1)
+    host.hear(b"x" * 300)
+    assert host.hear(heard(WHOLE)) == [] and host.state[REFUSED] == 1
+    assert [sample.counts for sample in host.hear(reply(5))] == [(5, 0, 0)]
+
+
 def test_an_answer_that_comes_twice_is_refused():
     host = opened(ids=(1, 2))
     host.idle(after=20 * MS + 1)
@@ -284,9 +317,11 @@ def test_delay_is_from_the_servos_write_to_half_the_round_trip():
     host.write(0.1)
     host.hear(reply(), after=600_000)
     assert host.state[DELAY] == 300_000
+    host.due(after=MS)
+    host.hear(reply(), after=800_000)
     host.idle(after=30 * MS)
     host.hear(reply(), after=800_000)
-    assert host.state[DELAY] == 300_000 and host.state[ROUND_TRIP] == 600_000
+    assert host.state[DELAY] == 300_000 and host.state[ROUND_TRIP] == 800_000
 
 
 pieces = st.sampled_from([*BAD_LINES.values(), reply(3), reply(-9), b"rcv ", b"\r", b"\n"]) | st.binary(max_size=300)
