@@ -22,7 +22,7 @@ CONTROLS = 16
 FREE_STEP = 1_000_000  # [ns] between samples that an idle device is asked for
 IDLE_STEP = 5_000_000  # [ns] between IDLE events
 SPIN = 20_000  # [ns] that the servo's write is looked for without a pause: to sleep takes longer
-PAUSE = 5_000  # [ns] between looks for it after that
+PAUSE = 15_000  # [ns] between looks for it after that; a shorter one is none, and keeps the core from kernel threads
 LAST_WORDS, LAST_STEP = 5, 2_000_000  # CUT events at an end, and the time between them [ns]
 QUIET = (
     50_000_000  # [ns] without samples after a new session, whose counts may be others: the servo sees a silent device
@@ -78,11 +78,11 @@ def serve(encode, decode, state, words, control, truth_mail, target_mail, sessio
         if atomic.load(control, FD) != m.descriptor:
             m.descriptor, m.have = atomic.load(control, FD), 0
             _tell(encode, state, codec.OPENED, now, m, room, control)
-        _heed(encode, state, words, inbox, control, now, m, room)
-        _look_after(encode, state, control, target_mail, now, m, room)
         if _hear(decode, state, words, control, truth_mail, session, scratch, m, room):
             spin_until = clock.now_ns(scratch) + SPIN
         now = clock.now_ns(scratch)
+        _heed(encode, state, words, inbox, control, now, m, room)
+        _look_after(encode, state, control, target_mail, now, m, room)
         if now >= spin_until:
             line.wait(m.descriptor, _next_look(control, now, m), now, scratch)
     _take_back(room)
@@ -202,10 +202,14 @@ def _pass_on(state, words, control, session, now, m, room):
 
 @njit
 def _next_look(control, now, m):
-    """When the servo or the device has to be looked after next [ns]; what the device sends is heard at once."""
+    """When the servo or the device has to be looked after next [ns]; what the device sends is heard at once.
+
+    The servo writes when it has the sample of its deadline, or has waited for half a period.
+    """
     until = min(m.idle, now + FREE_STEP)
     if m.driven:
-        until = min(until, m.announced if now < m.announced else now + max(m.period // 64, PAUSE))
+        due = m.announced if m.latest >= m.announced else m.announced + m.period // 2
+        until = min(until, max(due, now + PAUSE))
     return min(until, m.asked) if control[ASKS] else until
 
 

@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 from waiting import exit_code, until
 
 from haptic_device.control import faults
-from haptic_device.device import simulated_device
-from haptic_device.realtime import atomic, clock, hardware_interface, shared_memory
+from haptic_device.realtime import atomic, clock, hardware_interface, servo_writes, shared_memory
 from haptic_device.realtime.hardware_interface import SharedMemoryInterface
 from haptic_device.realtime.shared_memory import DEVICE, SERVO, SharedMemory, SharedMemoryError, file_name
 from haptic_sim.supervision import conformance
@@ -50,9 +49,9 @@ NAMED = {
     "ENCODER": faults.BROKEN_ENCODER,
     "CLAMPED": faults.CLAMPED,
     "ATTEMPTS": atomic.ATTEMPTS,
-    "NEAR": simulated_device.NEAR,
-    "SHORTEST_PERIOD": simulated_device.PERIODS[0],
-    "LONGEST_PERIOD": simulated_device.PERIODS[1],
+    "NEAR": servo_writes.NEAR,
+    "SHORTEST_PERIOD": servo_writes.PERIODS[0],
+    "LONGEST_PERIOD": servo_writes.PERIODS[1],
 }
 
 
@@ -416,7 +415,7 @@ def test_a_write_from_before_the_device_came_moves_nothing(take, servo):
     device.close()
 
 
-SHORTEST, LONGEST = simulated_device.PERIODS
+SHORTEST, LONGEST = servo_writes.PERIODS
 FAR = 60_000_000_000
 SENSE = [
     (0, 0, SHORTEST, 0.0, 1),
