@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 
 OPENED, COMMAND, DUE, CUT, IDLE, TARGET = range(6)  # events
 NOTHING, SAMPLE, TRUTH = range(3)  # kinds of answers
@@ -49,6 +49,7 @@ TEMPERATURE = 8  # [0.1 °C], NO_TEMPERATURE: not measured
 PERIOD_LEAST, WATCHDOG, AXES, FIRMWARE = 9, 10, 11, 12  # what the device says of itself; 0: unknown
 CLOCK_STEPS = 13  # steps of the device's clock that were found
 SIMULATED = 14  # 1: it takes targets and tells truths
+DELAY_MEAN = 15  # [ns] from the servo's write to the motor's effect, on average
 OWN = 32
 NO_TEMPERATURE = -32768
 ROOM = 1024  # bytes of outgoing
@@ -66,6 +67,12 @@ class Codec(NamedTuple):
     decode: object
     asks: bool = False
     datagram: bool = False
+
+
+@njit
+def averaged(mean, value):
+    """An average that forgets, with this value in it; 0: there was none before."""
+    return mean + (value - mean) // 64 if mean else value
 
 
 def encoder(function):

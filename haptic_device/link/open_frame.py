@@ -145,7 +145,7 @@ def _begin(state, now, data):
     state[RANDOM] = state[SESSION] = word
     for word in (SENT, TAKEN, GREETED, ASKED, AWAITED, WORST, NUMBER, ANSWERED, DUE_AT):
         state[word] = 0
-    for word in (codec.READY, codec.DELAY, codec.CLOCK_ERROR, codec.SKEW):
+    for word in (codec.READY, codec.DELAY, codec.DELAY_MEAN, codec.CLOCK_ERROR, codec.SKEW):
         state[word] = 0
     for i in range(REMEMBERED):
         state[SENT_FRAMES + i * EACH + KEY] = NOBODY
@@ -401,6 +401,7 @@ def _answered(state, at, applied):
     if applied != 0 and abs(delay) < OLDEST:
         state[WORST] = max(delay, state[WORST] - (state[WORST] - delay) // FADING, 0)
         state[codec.DELAY] = state[WORST] + state[codec.CLOCK_ERROR]
+        state[codec.DELAY_MEAN] = codec.averaged(state[codec.DELAY_MEAN], delay)
 
 
 @njit

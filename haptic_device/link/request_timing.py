@@ -8,7 +8,7 @@ The words are of a codec's state, from OWN on; the codec's own begin at END.
 import numpy as np
 
 from haptic_device.jit import njit
-from haptic_device.link.codec import DELAY, OWN, ROUND_TRIP
+from haptic_device.link.codec import DELAY, DELAY_MEAN, OWN, ROUND_TRIP, averaged
 
 MEDIAN_OF, WORST_OF = 31, 255  # the last times that are kept
 SENT = OWN  # [ns] when the last request was sent
@@ -41,7 +41,9 @@ def answered(state, now):
     _note(state, ROUND_TRIPS, MEDIAN_OF, now - state[SENT])
     state[ROUND_TRIP] = _median(state, ROUND_TRIPS, MEDIAN_OF)
     if state[CARRIED]:
-        _note(state, DELAYS, WORST_OF, _middle(state, now) - state[CARRIED])
+        delay = _middle(state, now) - state[CARRIED]
+        _note(state, DELAYS, WORST_OF, delay)
+        state[DELAY_MEAN] = averaged(state[DELAY_MEAN], delay)
         state[DELAY] = _worst(state, DELAYS, WORST_OF)
 
 

@@ -161,6 +161,7 @@ class BridgeNode(ManagedNode):
             "firmware": ".".join(str(int(state[codec.FIRMWARE]) >> shift & 255) for shift in (16, 8, 0)),
             "realtime": self.realtime,
             "driven": bool(control[bridge_loop.DRIVEN]),
+            "delay_mean_us": f"{state[codec.DELAY_MEAN] * 1e-3:.1f}",
             "delay_us": f"{state[codec.DELAY] * 1e-3:.1f}",
             "clock_error_us": f"{state[codec.CLOCK_ERROR] * 1e-3:.1f}",
             "skew_ppm": f"{state[codec.SKEW] * 1e-3:.3f}",

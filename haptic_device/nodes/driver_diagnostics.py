@@ -75,7 +75,7 @@ class DriverDiagnostics:
 
     def _values(self, row):
         node, exchange = self._node, self._node.exchange
-        lateness, compute, age, _ = node.telemetry.percentiles() * 1e6
+        lateness, compute, age, write_delay = node.telemetry.percentiles() * 1e6
         trips, standing = exchange.round_trips() * 1e-3, self._withheld(row)
         return {
             "state": enable_state.STATES[int(row.state)],
@@ -95,6 +95,7 @@ class DriverDiagnostics:
             "window_s": f"{node.telemetry.window():.1f}",
             **{f"lateness_us_{name}": f"{v:.1f}" for name, v in zip(PERCENTILES, lateness, strict=True)},
             **{f"compute_us_{name}": f"{v:.2f}" for name, v in zip(PERCENTILES, compute, strict=True)},
+            **{f"write_delay_us_{name}": f"{v:.1f}" for name, v in zip(PERCENTILES, write_delay, strict=True)},
             **{f"age_ms_{name}": f"{v / 1e3:.3f}" for name, v in zip(PERCENTILES, age, strict=True)},
             **{f"round_trip_us_{name}": f"{v:.1f}" for name, v in zip(("p50", "p99"), trips, strict=True)},
             "exchange_sent": exchange.sent,

@@ -197,10 +197,11 @@ def _figures(live, tuning, plan, say):
 
 
 def _write_delay(tuning):
-    """Median time from deadline to the servo's write [s]: its lateness and its work, as its diagnostics say."""
+    """Time from deadline to the motor's effect [s]: the median of the servo's writes, and what the bridge adds, if any."""
     tuning.watch(0.6)
-    said = [tuning.said(f"{name}_us_p50") for name in ("lateness", "compute")]
-    return sum(max(0.0, number(value)) for value in said) * 1e-6
+    bridge = tuning.statuses.get("haptic_bridge")
+    added = number(bridge.values.get("delay_mean_us", "")) if bridge else 0.0
+    return (max(0.0, number(tuning.said("write_delay_us_p50"))) + added) * 1e-6
 
 
 def _truth(truths):
