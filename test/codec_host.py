@@ -113,6 +113,16 @@ class Host:
         return samples
 
 
+def hear_alike(whole, split, stream, cuts):
+    """One host that hears a stream at once, and one that hears it cut at these places: they make the same of it."""
+    for host in (whole, split):
+        host.idle(after=20 * MS + 1)
+    places = sorted({0, len(stream), *(cut for cut in cuts if cut < len(stream))})
+    told = [split.hear(stream[low:high]) for low, high in zip(places, places[1:], strict=False)]
+    assert sum(told, []) == whole.hear(stream)
+    assert (split.state == whole.state).all()
+
+
 class PortHost(Host):
     """The same in this machine's time, on a port."""
 

@@ -24,31 +24,8 @@ from typing import Literal
 import numpy as np
 
 from haptic_device.jit import njit
+from haptic_device.link import codec as c
 from haptic_device.link import request_timing
-from haptic_device.link.codec import (
-    ANSWER,
-    AXES,
-    COMMAND,
-    COUNTS,
-    CUT,
-    DEADLINE,
-    DUE,
-    IDLE,
-    KIND,
-    LATCHED,
-    LOST,
-    NO_TEMPERATURE,
-    OPENED,
-    READY,
-    REFUSED,
-    SAMPLE,
-    SESSIONS,
-    STATUS,
-    TEMPERATURE,
-    Codec,
-    decoder,
-    encoder,
-)
 from haptic_device.link_registry import SerialOptions
 
 DEVICE = 5  # the board's number for a 2DIY
@@ -102,17 +79,17 @@ class Options(SerialOptions):
     generation: Literal[2, 3] = 3
 
 
-def codec(options, device) -> Codec:
+def codec(options, device) -> c.Codec:
     """The codec for this device description. Raises ValueError if it has not the axes x and y."""
     if len(device.axes) != 2:
         raise ValueError(f"axes are {', '.join(axis.name for axis in device.axes)}; a Haply 2DIY has x and y")
     state = np.zeros(STATE, np.int64)
-    state[TEMPERATURE], state[AXES] = NO_TEMPERATURE, 2
+    state[c.TEMPERATURE], state[c.AXES] = c.NO_TEMPERATURE, 2
     state[RESOLUTION] = SERVES[options.generation][0]
     limits = [min(TORQUE_LIMIT, axis.motor_limit / axis.motor_constant) for axis in device.axes]
     state.view(np.float64)[LIMITS : LIMITS + 2] = limits
     state[SETUP:].view(np.uint8)[:SETUP_BYTES] = np.frombuffer(setup_bytes(options.generation), np.uint8)
-    return Codec(state, *compiled(), asks=True)
+    return c.Codec(state, *compiled(), asks=True)
 
 
 def setup_bytes(generation: int) -> bytes:
@@ -168,8 +145,8 @@ def _set_up(state, now, outgoing):
 @njit
 def _fall_silent(state, now, quiet):
     """What the board says now cannot be told apart: motors off, and no more asking for `quiet` ns without a byte."""
-    state[LOST] += state[ASKED_FOR] == FOR_SAMPLE and state[OWED] > 0
-    state[READY] = state[OWED] = 0
+    state[c.LOST] += state[ASKED_FOR] == FOR_SAMPLE and state[OWED] > 0
+    state[c.READY] = state[OWED] = 0
     state[PHASE], state[QUIET], state[WAIT] = SILENT, quiet, now + quiet
     state[STOP_DUE] = 1
 
@@ -181,7 +158,7 @@ def _hold(state, command):
     _zero(state)
     request_timing.held(state, command[1])
     if not (np.isfinite(wanted[5]) and np.isfinite(wanted[6])):
-        state[REFUSED] += 1
+        state[c.REFUSED] += 1
         return
     if state[IS_SHIFTED]:
         state[IS_SHIFTED] = command[4] != 0 or wanted[5] != 0.0 or wanted[6] != 0.0
@@ -224,45 +201,45 @@ def _get_going(state, now, outgoing):
 @njit
 def _open(state, now, outgoing):
     _zero(state)
-    state[READY] = state[OWED] = state[KNOWN] = state[QUIET] = state[STOP_DUE] = 0
+    state[c.READY] = state[OWED] = state[KNOWN] = state[QUIET] = state[STOP_DUE] = 0
     state[LAST_COMMAND] = now
     return _reset(state, now, outgoing)
 
 
 def _encode(state, event, now, command, outgoing):
-    if event == OPENED:
+    if event == c.OPENED:
         return _open(state, now, outgoing)
-    if event == CUT:
+    if event == c.CUT:
         return _cut(state, now, outgoing)
     if state[PHASE] == CLOSED:
         return 0
-    if event == COMMAND:
+    if event == c.COMMAND:
         state[LAST_COMMAND] = now
         _hold(state, command)
     if state[PHASE] == ASKING and state[OWED] > 0 and now - state[request_timing.SENT] > ANSWERED_WITHIN:
-        _fall_silent(state, now, ANSWERED_WITHIN if state[READY] else BOARD_GIVES_UP)
+        _fall_silent(state, now, ANSWERED_WITHIN if state[c.READY] else BOARD_GIVES_UP)
     if state[PHASE] != ASKING or state[OWED] > 0:
-        state[LOST] += event == DUE
+        state[c.LOST] += event == c.DUE
         return _get_going(state, now, outgoing) if state[PHASE] != ASKING else 0
-    if event == DUE:
+    if event == c.DUE:
         state[REQUEST_DEADLINE] = command[2]
         return _ask(state, now, FOR_SAMPLE, outgoing, 0)
-    if event == COMMAND or (event == IDLE and state[request_timing.UNSENT]):
+    if event == c.COMMAND or (event == c.IDLE and state[request_timing.UNSENT]):
         return _ask(state, now, FOR_EFFECT, outgoing, 0)
-    if event == IDLE and now - state[LAST_COMMAND] > UNASKED:
+    if event == c.IDLE and now - state[LAST_COMMAND] > UNASKED:
         return _ask(state, now, FOR_LOOK, outgoing, 0)
     return 0
 
 
 @njit
 def _refuse(state, now, count):
-    state[REFUSED] += 1
+    state[c.REFUSED] += 1
     _fall_silent(state, now, ANSWERED_WITHIN)
     return count
 
 
 def _decode(state, incoming, count, now, answer):
-    answer[:ANSWER] = 0
+    answer[: c.ANSWER] = 0
     if state[PHASE] != ASKING:
         if state[PHASE] == SILENT:
             state[WAIT] = max(state[WAIT], now + state[QUIET])
@@ -289,9 +266,9 @@ def _take(state, now, degrees, answer):
     """The answer to the last request."""
     for i in range(2):
         state[LAST_COUNTS + i] = np.int64(np.rint(np.float64(degrees[1 - i]) * state[RESOLUTION] / 360.0))
-    state[SESSIONS] += state[IS_NEW]
+    state[c.SESSIONS] += state[IS_NEW]
     state[IS_NEW] = 0
-    state[READY] = state[KNOWN] = 1
+    state[c.READY] = state[KNOWN] = 1
     request_timing.answered(state, now)
     if state[ASKED_FOR] == FOR_SAMPLE or state[ASKED_FOR] == FOR_LOOK:
         _tell(state, now, answer)
@@ -300,14 +277,14 @@ def _take(state, now, degrees, answer):
 @njit
 def _tell(state, now, answer):
     deadline = state[REQUEST_DEADLINE] if state[ASKED_FOR] == FOR_SAMPLE else 0
-    answer[KIND], answer[LATCHED] = SAMPLE, request_timing.latched(state, deadline, now)
-    answer[DEADLINE] = deadline
-    answer[STATUS] = CLAMPED * state[IS_CLAMPED] + BROKEN * state[IS_SHIFTED]
+    answer[c.KIND], answer[c.LATCHED] = c.SAMPLE, request_timing.latched(state, deadline, now)
+    answer[c.DEADLINE] = deadline
+    answer[c.STATUS] = CLAMPED * state[IS_CLAMPED] + BROKEN * state[IS_SHIFTED]
     for i in range(2):
-        answer[COUNTS + i] = state[LAST_COUNTS + i]
+        answer[c.COUNTS + i] = state[LAST_COUNTS + i]
 
 
 @functools.cache
 def compiled():
     """encode and decode; compiled where there is such a link."""
-    return encoder(_encode), decoder(_decode)
+    return c.encoder(_encode), c.decoder(_decode)

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A device that speaks the link protocol (docs/link_protocol.md) over a serial line."""
+"""A device that speaks the link protocol (docs/link_protocol.md) over a serial line.
+
+The compiler is imported where it is needed: who only reads a description does without.
+"""
 
 from typing import Literal
 
-from haptic_device.link import open_frame
-from haptic_device.link.codec import Codec
 from haptic_device.link_registry import SerialOptions
-
-compiled = open_frame.streams
 
 
 class Options(SerialOptions):
@@ -18,4 +17,14 @@ class Options(SerialOptions):
 
 def codec(options, device):
     """The codec of such a device; whatever the description says, the device greets with what it is."""
-    return Codec(open_frame.new_state(), *compiled())
+    from haptic_device.link.codec import Codec
+    from haptic_device.link.open_state import new_state
+
+    return Codec(new_state(), *compiled())
+
+
+def compiled():
+    """encode and decode; compiled where there is such a link."""
+    from haptic_device.link import open_frame
+
+    return open_frame.streams()

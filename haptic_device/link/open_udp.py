@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A device that speaks the link protocol (docs/link_protocol.md) over UDP."""
+"""A device that speaks the link protocol (docs/link_protocol.md) over UDP.
+
+The compiler is imported where it is needed: who only reads a description does without.
+"""
 
 from typing import Literal
 
-from haptic_device.link import open_frame
-from haptic_device.link.codec import Codec
 from haptic_device.link_registry import UdpOptions
-
-compiled = open_frame.datagrams
 
 
 class Options(UdpOptions):
@@ -18,4 +17,14 @@ class Options(UdpOptions):
 
 def codec(options, device):
     """The codec of such a device; whatever the description says, the device greets with what it is."""
-    return Codec(open_frame.new_state(), *compiled(), datagram=True)
+    from haptic_device.link.codec import Codec
+    from haptic_device.link.open_state import new_state
+
+    return Codec(new_state(), *compiled(), datagram=True)
+
+
+def compiled():
+    """encode and decode; compiled where there is such a link."""
+    from haptic_device.link import open_frame
+
+    return open_frame.datagrams()

@@ -1,22 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """Times of a device that only answers requests: when a motor value acts, when a sample was taken, how long it takes.
 
-Such a device tells no time. It is taken to act, and to sample, half way between the request's sending and its answer.
+Such a device tells no time. It is taken to act, and to sample, half way between the request's sending and its answer;
+the worst delay is that of an action as late as the answer.
 The words are of a codec's state, from OWN on; the codec's own begin at END.
 """
 
 import numpy as np
 
 from haptic_device.jit import njit
-from haptic_device.link.codec import DELAY, DELAY_MEAN, OWN, ROUND_TRIP, averaged
+from haptic_device.link import codec
 
 MEDIAN_OF, WORST_OF = 31, 255  # the last times that are kept
-SENT = OWN  # [ns] when the last request was sent
-WRITTEN = OWN + 1  # [ns] when the servo wrote the motor values that are held
-UNSENT = OWN + 2  # 1: no request has taken them to the device
-CARRIED = OWN + 3  # [ns] WRITTEN of those that the last request took there first; 0: it took none
-LAST_LATCHED = OWN + 4  # [ns]
-ROUND_TRIPS = OWN + 5  # how many have been noted, and the last ones [ns]
+SENT = codec.OWN  # [ns] when the last request was sent
+WRITTEN = codec.OWN + 1  # [ns] when the servo wrote the motor values that are held
+UNSENT = codec.OWN + 2  # 1: no request has taken them to the device
+CARRIED = codec.OWN + 3  # [ns] WRITTEN of those that the last request took there first; 0: it took none
+LAST_LATCHED = codec.OWN + 4  # [ns]
+ROUND_TRIPS = codec.OWN + 5  # how many have been noted, and the last ones [ns]
 DELAYS = ROUND_TRIPS + 1 + MEDIAN_OF
 END = DELAYS + 1 + WORST_OF
 
@@ -39,12 +40,12 @@ def asked(state, now):
 def answered(state, now):
     """Its answer is there [ns]: brings the state's median of round trips and worst delay up to date."""
     _note(state, ROUND_TRIPS, MEDIAN_OF, now - state[SENT])
-    state[ROUND_TRIP] = _median(state, ROUND_TRIPS, MEDIAN_OF)
+    state[codec.CLOCK_ERROR] = (now - state[SENT]) // 2  # what half way may be wrong by
+    state[codec.ROUND_TRIP] = _median(state, ROUND_TRIPS, MEDIAN_OF)
     if state[CARRIED]:
-        delay = _middle(state, now) - state[CARRIED]
-        _note(state, DELAYS, WORST_OF, delay)
-        state[DELAY_MEAN] = averaged(state[DELAY_MEAN], delay)
-        state[DELAY] = _worst(state, DELAYS, WORST_OF)
+        _note(state, DELAYS, WORST_OF, now - state[CARRIED])
+        state[codec.DELAY_MEAN] = codec.averaged(state[codec.DELAY_MEAN], _middle(state, now) - state[CARRIED])
+        state[codec.DELAY] = _worst(state, DELAYS, WORST_OF)
 
 
 @njit

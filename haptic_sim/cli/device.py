@@ -170,8 +170,10 @@ def _identify(out):
     from haptic_sim.supervision.prepare import COMMANDS
 
     ensure_compiled(*COMMANDS["identify"])
-    force = min(3.0, *(0.2 * axis.motor_limit for axis in load_device(out).axes[:2]))
-    found, described = identify_device(str(out), None, 8.0, force, None, 4000.0, None, None)
+    device = load_device(out)
+    force = min(3.0, *(0.2 * axis.motor_limit for axis in device.axes[:2]))
+    rate = 4000.0 if device.link.type == "loopback" else 1000.0  # Hz
+    found, described = identify_device(str(out), None, 8.0, force, None, rate, None, None)
     write_description(out, described, found)
     typer.echo(f"wrote what was identified to {out}")
 

@@ -127,7 +127,7 @@ def glance(name: str, folder: Path | None = None) -> Glance | None:
             if lock and not lock & 1 and again[shared_memory.DEVICE_LOCK] == lock:
                 block = words[shared_memory.DEVICE_FIRST :][: shared_memory.DEVICE_WORDS]
                 age = (time.monotonic_ns() - int(block[1])) * 1e-9
-                return Glance(int(block[2]), tuple(block[4:7].tolist()), tuple(block[7:].view(float).tolist()), age)
+                return Glance(int(block[2]), tuple(block[4:7].tolist()), tuple(block[7:10].view(float).tolist()), age)
     except (OSError, IndexError):
         return None
     return None

@@ -41,8 +41,8 @@ def device_node(device: Device) -> str:
 def device_programs(name: str, hand: dict, folder: Path, files: tuple[Path, ...] = ()) -> list:
     """Programs to be started for the device of this name or file, in this order.
 
-    hand: parameters of haptic_loopback, which the reference device follows too; folder: where its settings and its
-    terminal go; files: of more parameters. ValueError, one sentence, where it cannot be had.
+    hand: parameters of haptic_loopback, which the reference device follows too, and what cuts it; folder: where its
+    settings and its terminal go; files: of more parameters. ValueError, one sentence, where it cannot be had.
     """
     device = load_device(name)
     node = device_node(device)
@@ -51,10 +51,10 @@ def device_programs(name: str, hand: dict, folder: Path, files: tuple[Path, ...]
     if not node:
         return []
     bridge = {"device": name}
-    if "motor_watchdog" in hand:
-        bridge["motor_watchdog"] = hand["motor_watchdog"]
     if not _has_reference(device):
         return [Program(BRIDGE, MODULES[BRIDGE], bridge, files)]
+    if "motor_watchdog" in hand:
+        bridge["motor_watchdog"] = hand["motor_watchdog"]
     line, bridge["port"] = _line(device, folder)
     return [_reference(device, hand, folder, line), Program(BRIDGE, MODULES[BRIDGE], bridge, files)]
 

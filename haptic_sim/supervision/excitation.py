@@ -74,12 +74,12 @@ def shake_handle(tuning, plan, seconds, check):
 
 
 def _centres(tuning, device):
-    """Where the handle is, but not in the outer fifth of its workspace."""
-    centres = []
-    for axis in device.axes:
+    """Where the handle is, by the trace, but not in the outer fifth of its workspace."""
+    centres, place = [], tuning.rows[-1]["position"][-1]
+    for i, axis in enumerate(device.axes):
         low, high = axis.workspace
         inset = EDGE * (high - low)
-        centres.append(min(high - inset, max(low + inset, tuning.truths[-1][axis.name][0])))
+        centres.append(min(high - inset, max(low + inset, place[i] / device.scale[i // 2])))
     return centres
 
 

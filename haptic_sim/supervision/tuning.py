@@ -78,16 +78,19 @@ class Tuning:
             raise FaultError(name)
 
     def wait_engaged(self, check: Callable[[], dict[str, str]] = dict) -> None:
-        """Until the driver is engaged and the truth comes; ValueError if it is in fault, or there is no more news.
+        """Until the driver is engaged and what this tool looks at comes, the trace, or else a simulated device's truth.
 
-        check() may raise, and gives the last line that each node printed whose log is at hand.
+        ValueError if the driver is in fault, or there is no more news. check() may raise, and gives the last line that
+        each node printed whose log is at hand.
         """
+        looked_at = self.rows if self._trace is not None else self.truths
 
         def engaged():
             self.refuse_fault()
-            return self.said("state") == "engaged" and self.truths
+            return self.said("state") == "engaged" and looked_at
 
-        lack = f"no engaged driver with a loopback is heard in {self._client.node.get_namespace()}"
+        wanted = "a loopback" if self._trace is None else "a trace (publish.trace)"
+        lack = f"no engaged driver with {wanted} is heard in {self._client.node.get_namespace()}"
         self._wait(engaged, check, lack, LOOPBACK, "start both and enable the driver, or let this command start them")
 
     def wait_answered(self, check: Callable[[], dict[str, str]] = dict) -> None:

@@ -11,7 +11,6 @@ import struct
 import threading
 import time
 import zlib
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -31,6 +30,7 @@ from haptic_sim.supervision import (
     device_figures,
     device_page,
     device_probe,
+    device_programs,
     device_questions,
     device_search,
     device_set_up,
@@ -718,7 +718,8 @@ def a_page(folder, lock=4, status=6, age=0.01):
     latched = time.monotonic_ns() - round(1e9 * age)
     block = words[shared_memory.DEVICE_FIRST :][: shared_memory.DEVICE_WORDS]
     block[:7] = 9, latched, status, latched, 11, -12, 13
-    block[7:].view(float)[:] = 0.5, 0.25, 0.0
+    block[7:10].view(float)[:] = 0.5, 0.25, 0.0
+    block[10] = 412_000
     words.tofile(folder / "page")
 
 
@@ -802,19 +803,17 @@ def test_find_says_what_answers_and_the_line_to_write():
     assert "box: a device with 2 axes" in ended.stdout
 
 
-def test_who_serves_a_described_device_is_told_by_its_link():
-    program = device_page.program_of("desktop")
-    assert program.name == "haptic_loopback" and program.parameters["device"].endswith("/desktop.yaml")
+def test_who_serves_a_described_device_is_told_by_its_link(tmp_path):
+    [loopback] = device_programs.device_programs("desktop", {}, tmp_path)
+    assert loopback[:3] == ("haptic_loopback", "haptic_device.nodes.loopback", {"device": "desktop"})
+    [bridge] = device_programs.device_programs("haply_2diy", {}, tmp_path)
+    assert bridge[:3] == ("haptic_bridge", "haptic_device.nodes.bridge", {"device": "haply_2diy"})
 
 
-def test_hardware_on_a_line_is_served_by_the_bridge_and_what_a_users_program_serves_is_left_to_it(monkeypatch):
-    links = iter([SimpleNamespace(type="udp"), SimpleNamespace(type="shared_memory")])
-    monkeypatch.setattr(device_page, "load_device", lambda name: SimpleNamespace(link=next(links)))
-    assert device_page.program_of("desktop")[:2] == ("haptic_bridge", "haptic_device.nodes.bridge")
-    with pytest.raises(
-        ValueError, match="device desktop is served by a program of your own: start it, and give its --domain"
-    ):
-        device_page.program_of("desktop")
+def test_what_a_users_program_serves_is_left_to_it():
+    refused = "device own_device is served by a program of your own: start it, and give its --domain"
+    with pytest.raises(ValueError, match=refused), device_page.opened("own_device", None, None):
+        pass
 
 
 def test_a_device_that_falls_silent_is_told_of(monkeypatch):

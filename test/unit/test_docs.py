@@ -11,7 +11,7 @@ from in_process import haptic
 
 from haptic_device.control import enable_state, records
 from haptic_device.message_fields import TAIL
-from haptic_device.nodes import driver, exchange_server, loopback, recorded_topics, recorder
+from haptic_device.nodes import bridge, driver, exchange_server, loopback, recorded_topics, recorder
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.realtime import scheduling, servo_thread
 from haptic_device.yaml_reader import load as load_yaml
@@ -77,6 +77,7 @@ def test_priorities_on_the_platform_page_are_those_of_the_threads():
     listed = {row[0]: int(row[1]) for row in rows(PLATFORM, "Priorities")}
     assert listed == {
         "plant": loopback.PRIORITY,
+        "bridge": bridge.PRIORITY,
         "servo": servo_thread.PRIORITY,
         "middleware": driver.MIDDLEWARE_PRIORITY,
         "exchange": exchange_server.PRIORITY,

@@ -342,14 +342,7 @@ def test_random_bytes_never_end_in_a_sample_that_cannot_be(pieces):
 
 @given(chunks, st.lists(st.integers(0, 200), max_size=12))
 def test_where_the_stream_is_split_makes_no_difference(pieces, cuts):
-    stream = b"".join(pieces)
-    whole, split = opened(), opened()
-    for host in (whole, split):
-        host.idle(after=20 * MS + 1)
-    places = sorted({0, len(stream), *(cut for cut in cuts if cut < len(stream))})
-    told = [split.hear(stream[low:high]) for low, high in zip(places, places[1:], strict=False)]
-    assert sum(told, []) == whole.hear(stream)
-    assert (split.state == whole.state).all()
+    codec_host.hear_alike(opened(), opened(), b"".join(pieces), cuts)
 
 
 @pytest.mark.parametrize("axes", [1, 3])

@@ -5,26 +5,40 @@ import contextlib
 import itertools
 import types
 
+import numpy as np
 import pytest
 from made_up_clock import Clock
 
+from haptic_device.control.records import TRACE_ROW
+from haptic_device.description import load_device
 from haptic_device.status import Status
-from haptic_sim.supervision import news, pair, tuning
+from haptic_sim.supervision import excitation, news, pair, tuning
 from haptic_sim.supervision.tuning import FaultError, Tuning
 
 
 class Heard:
-    """A client that hears of the driver what `said(seconds)` gives: state, fault, exchange_answered."""
+    """A client that hears of the driver what `said(seconds)` gives: state, fault, exchange_answered.
 
-    def __init__(self, clock, said):
-        self._clock, self._began, self._said = clock, clock.now, said
+    tells: whether a simulated device tells its truth; traces: samples of the trace, one each look.
+    """
+
+    def __init__(self, clock, said, tells=True, traces=()):
+        self._clock, self._began, self._said, self._tells = clock, clock.now, said, tells
+        self._traces = [types.SimpleNamespace(message=message) for message in traces]
         self.statuses, self.truth, self.truths, self.aim, self.close = {}, {}, [], None, None
         self.node = types.SimpleNamespace(get_namespace=lambda: "/there")
 
     def look(self):
         if values := self._said(self._clock.now - self._began):
             self.statuses["haptic_driver"] = Status(0, 0, values.get("state", ""), values)
-            self.truths.append({})
+            self.truths += [{}] * self._tells
+
+    def subscribe(self, topic, *what):
+        assert topic == "trace"
+        return self
+
+    def take(self):
+        return [self._traces.pop()] if self._traces else []
 
     def said(self, node, entry):
         return self.statuses[node].values.get(entry, "") if node in self.statuses else ""
@@ -48,6 +62,38 @@ def test_a_driver_that_starts_slowly_is_waited_for_while_there_is_news(waited):
     waited(lambda t: {"state": steps[min(3, int(t // late))]})
     with pytest.raises(ValueError, match=f"and no news for {news.LIMIT:g} s: haptic_driver says: disabled"):
         waited(lambda t: {"state": "engaged" if t > 1.1 * news.LIMIT else "disabled"})
+
+
+def test_a_tool_that_looks_at_the_trace_needs_no_simulated_device_and_one_that_looks_at_the_truth_does(monkeypatch):
+    clock = Clock().put(monkeypatch, news, tuning)
+    row = np.ones(1, TRACE_ROW)
+
+    def tool(trace, traces=()):
+        monkeypatch.setattr(tuning.Client, "join", lambda *where, **how: Heard(clock, engaged, False, traces))
+        return Tuning(0, "/there", trace=trace)
+
+    def engaged(seconds):
+        return {"state": "engaged"}
+
+    cloud = types.SimpleNamespace(point_step=row.itemsize, data=row.tobytes())
+    looking = tool(True, [cloud])
+    looking.wait_engaged()
+    assert looking.rows == [row]
+    with pytest.raises(ValueError, match=r"no engaged driver with a trace \(publish.trace\) is heard in /there"):
+        tool(True).wait_engaged()
+    with pytest.raises(ValueError, match="no engaged driver with a loopback is heard in /there"):
+        tool(False).wait_engaged()
+
+
+def test_the_shaking_is_about_where_the_trace_has_the_handle_but_off_the_outer_fifth_of_its_workspace():
+    row = np.zeros(2, TRACE_ROW)
+    row["position"][-1] = 0.06, -0.09, 5.0
+    device = load_device("desktop").model_copy(update={"scale": (2.0, 1.0)})
+    centres = excitation._centres(types.SimpleNamespace(rows=[row[:1], row]), device)
+    assert centres == pytest.approx([0.03, -0.045, 5.0])
+    row["position"][-1] = 1.0, -1.0, 100.0
+    centres = excitation._centres(types.SimpleNamespace(rows=[row]), device)
+    assert centres == pytest.approx([0.12 - 0.2 * 0.24, -0.12 + 0.2 * 0.28, 12.0 - 0.2 * 24.0])
 
 
 def test_nodes_that_only_a_discovery_server_lets_us_hear_are_not_waited_for_long_and_it_is_named(waited, monkeypatch):

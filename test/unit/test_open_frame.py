@@ -35,7 +35,7 @@ from pydantic import ValidationError
 
 from haptic_device.device import simulated_device
 from haptic_device.jit import njit
-from haptic_device.link import codec, open_frame, open_serial, open_udp
+from haptic_device.link import codec, open_serial, open_state, open_udp
 
 BEGIN = 5_000_000 * MS
 AHEAD = 10**15 + 7
@@ -147,7 +147,7 @@ def test_the_clock_is_asked_ten_times_in_100_ms_and_then_each_20_ms():
 
 def test_silence_of_100_ms_begins_another_session_and_less_does_not():
     host, device, now = ready()
-    session, heard = device.session, host.state[open_frame.HEARD]
+    session, heard = device.session, host.state[open_state.HEARD]
     assert unpacked(host.say(codec.IDLE, heard + 100 * MS))[0] == CLOCK
     kind, _, other, sequence, _, _ = unpacked(host.say(codec.IDLE, heard + 100 * MS + 1))
     assert (kind, sequence) == (HELLO, 1) and other != session
@@ -458,7 +458,7 @@ def test_delay_is_the_time_from_the_write_to_the_effect_and_fades():
             host.hear(reply, deadline + way)
         delays.append(host.state[codec.DELAY] - host.state[codec.CLOCK_ERROR])
         now = deadline + 500_000
-        host.state[open_frame.HEARD] = now
+        host.state[open_state.HEARD] = now
     assert abs(delays[2] - 30_000) <= 1000 and abs(delays[3] - 400_000) <= 1000
     assert all(later <= before for before, later in zip(delays[3:], delays[4:], strict=False))
     assert delays[-1] == pytest.approx(30_000 + 370_000 * math.exp(-0.3), abs=2000)
@@ -723,7 +723,7 @@ class Line(RuleBasedStateMachine):
         latched, deadline = answer[codec.LATCHED], answer[codec.DEADLINE]
         assert latched > self.latched, "times of samples never go back"
         self.latched = latched
-        assert session == self.host.state[open_frame.SESSION]
+        assert session == self.host.state[open_state.SESSION]
         assert answer[codec.COUNTS] == session & 0xFFFF, "counts are of this session"
         if deadline:
             echo = struct.unpack("<q", payload[:8])[0]
@@ -761,7 +761,7 @@ class Line(RuleBasedStateMachine):
 
     @rule()
     def cut(self):
-        period = int(self.host.state[open_frame.HELD_FOR])
+        period = int(self.host.state[open_state.HELD_FOR])
         self.command = self.now + period, period
         self.send(self.host.say(codec.CUT, self.now))
 
@@ -814,7 +814,7 @@ class Line(RuleBasedStateMachine):
 
     @invariant()
     def a_link_that_is_ready_has_been_greeted(self):
-        assert not self.host.state[codec.READY] or self.host.state[open_frame.GREETED]
+        assert not self.host.state[codec.READY] or self.host.state[open_state.GREETED]
 
 
 TestLine = Line.TestCase

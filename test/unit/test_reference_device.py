@@ -23,6 +23,7 @@ from firmware_builds import FIRMWARE, ROOT
 from haptic_device.description import load_device, parse
 from haptic_device.parameters import LOOPBACK
 from haptic_sim.supervision import reference_device
+from haptic_sim.supervision.device_programs import device_programs
 
 MS = 1_000_000
 
@@ -394,3 +395,14 @@ def test_places_of_the_world_are_told_in_the_devices_own_units():
     assert {"motion circle", "radius 0.015", "turns 4.0", "duration 4.0"} <= set(circle)
     with pytest.raises(ValueError, match=r"^motor_watchdog is 4.01 s; the reference device stands 4 s at most$"):
         reference_device.config_of(described, VALUES | {"motor_watchdog": 4.01})
+
+
+def test_a_watchdog_that_a_tool_makes_longer_is_a_simulated_devices_alone(tmp_path):
+    def told(name):
+        return [p.parameters.get("motor_watchdog") for p in device_programs(name, {"motor_watchdog": 1.0}, tmp_path)]
+
+    assert told("desktop") == [1.0]
+    assert told("reference_udp") == [None, 1.0]  # the device has it in its settings
+    assert "watchdog 1.0" in (tmp_path / "reference_device.txt").read_text().splitlines()
+    assert told("haply_2diy") == told("moteus_knob") == [None]
+    assert told("own_device") == []
