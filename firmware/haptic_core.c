@@ -191,7 +191,7 @@ static bool sensible(const struct haptic *device, const float motors[3], int64_t
                      int64_t now) {
     int64_t ahead = 2 * period > device->description.watchdog ? 2 * period : device->description.watchdog;
     return isfinite(motors[0]) && isfinite(motors[1]) && isfinite(motors[2]) &&
-           period >= device->description.shortest_period && period <= LONGEST_PERIOD &&
+           period > 0 && period >= device->description.shortest_period && period <= LONGEST_PERIOD &&
            deadline >= now - LONGEST_PAST && deadline <= now + ahead;
 }
 

@@ -59,6 +59,7 @@ int main(int argc, char **argv)
 
     signal(SIGTERM, end);
     signal(SIGINT, end);
+    signal(SIGHUP, end);
     if (haptic_open(&page, argc > 1 ? argv[1] : NULL, argc > 2 ? argv[2] : NULL) != 0) {
         fprintf(stderr, "own_device: %s\n", page.error);
         return 1;

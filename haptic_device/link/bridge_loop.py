@@ -130,10 +130,12 @@ def _heed(encode, state, words, inbox, control, now, m, room):
 @njit
 def _look_after(encode, state, control, target_mail, now, m, room):
     """What is to be said to the device when its time has come."""
-    if control[ASKS] and now >= m.asked:
-        room.taken[2] = m.asked  # the deadline that it is asked for
-        _tell(encode, state, codec.DUE, now, m, room, control)
-        m.asked = max(m.asked + m.period, now + m.period // 2)
+    if control[ASKS] and m.driven and now >= m.asked:
+        room.taken[2] = m.asked  # the deadline that it is asked for; where an answer is still out, a little later
+        said = _tell(encode, state, codec.DUE, now, m, room, control)
+        if said or now >= m.asked + m.period // 2:
+            state[codec.LOST] += not said
+            m.asked = max(m.asked + m.period, now + m.period // 2)
     if now >= m.idle:
         m.idle = now + IDLE_STEP
         _tell(encode, state, codec.IDLE, now, m, room, control)
@@ -153,7 +155,7 @@ def _hear(decode, state, words, control, truth_mail, session, scratch, m, room):
     """The device: takes what has come. Returns whether there was the sample that the servo waits for."""
     waited_for = False
     for _ in range(DATAGRAMS):
-        came = line.receive(m.descriptor, room.incoming, m.have) if m.descriptor >= 0 else 0
+        came = line.receive(m.descriptor, room.incoming, m.have, control[DATAGRAM] != 0) if m.descriptor >= 0 else 0
         if came == line.LOST:
             m.descriptor, state[codec.READY] = -1, 0
             atomic.store(control, FD, -1)
@@ -210,17 +212,20 @@ def _next_look(control, now, m):
     if m.driven:
         due = m.announced if m.latest >= m.announced else m.announced + m.period // 2
         until = min(until, max(due, now + PAUSE))
-    return min(until, m.asked) if control[ASKS] else until
+    if control[ASKS] and m.driven:
+        return min(until, m.asked if now < m.asked else now + PAUSE)
+    return until
 
 
 @njit
 def _tell(encode, state, event, now, m, room, control):
-    """Has the codec say this event, where there is a line."""
+    """Has the codec say this event, where there is a line. Returns whether it had something to say."""
     if m.descriptor < 0:
-        return
+        return False
     count = encode(state, event, now, room.taken, room.outgoing)
     if count > 0 and not line.send(m.descriptor, room.outgoing, count):
         control[UNSENT] += 1
+    return count > 0
 
 
 @njit

@@ -50,6 +50,7 @@ PERIOD_LEAST, WATCHDOG, AXES, FIRMWARE = 9, 10, 11, 12  # what the device says o
 CLOCK_STEPS = 13  # steps of the device's clock that were found
 SIMULATED = 14  # 1: it takes targets and tells truths
 DELAY_MEAN = 15  # [ns] from the servo's write to the motor's effect, on average
+TOLD = 16  # counts per unit and largest motor values of x, y, theta, as the device tells them, float64 bits; 0: unknown
 OWN = 32
 NO_TEMPERATURE = -32768
 ROOM = 1024  # bytes of outgoing

@@ -138,7 +138,7 @@ def _set_up(state, now, outgoing):
         state[BYTES : BYTES + 1].view(np.float32)[0] = within * 360.0 / state[RESOLUTION]
         outgoing[OFFSETS[port] : OFFSETS[port] + 4] = state[BYTES : BYTES + 1].view(np.uint8)[:4]
     state[PHASE], state[WAIT] = WAS_SET_UP, now + SETTLE
-    state[IS_NEW], state[IS_SHIFTED] = 1, state[KNOWN]
+    state[IS_NEW], state[IS_SHIFTED] = 1, np.int64(state[KNOWN] != 0 or state[c.SESSIONS] > 0)
     return SETUP_BYTES
 
 
@@ -219,7 +219,6 @@ def _encode(state, event, now, command, outgoing):
     if state[PHASE] == ASKING and state[OWED] > 0 and now - state[request_timing.SENT] > ANSWERED_WITHIN:
         _fall_silent(state, now, ANSWERED_WITHIN if state[c.READY] else BOARD_GIVES_UP)
     if state[PHASE] != ASKING or state[OWED] > 0:
-        state[c.LOST] += event == c.DUE
         return _get_going(state, now, outgoing) if state[PHASE] != ASKING else 0
     if event == c.DUE:
         state[REQUEST_DEADLINE] = command[2]

@@ -73,12 +73,14 @@ def open_udp(options):
 
 
 @njit
-def receive(descriptor, buffer, begin):
-    """Bytes read into buffer from begin on; 0: none are there; LOST: the line is gone."""
+def receive(descriptor, buffer, begin, datagrams):
+    """Bytes read into buffer from begin on; 0: none are there; LOST: the line is gone. datagrams: one may be empty."""
     count = _read(descriptor, buffer[begin:].ctypes, buffer.size - begin)
     if count > 0:
         return np.int64(count)
-    return np.int64(0 if count < 0 and _passes() else LOST)
+    if count == 0:
+        return np.int64(0 if datagrams else LOST)
+    return np.int64(0 if _passes() else LOST)
 
 
 @njit

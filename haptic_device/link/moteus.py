@@ -172,7 +172,6 @@ def _encode(state, event, now, command, outgoing):
         _hold(state, command)
     waits = state[ASKED_FOR] != NOTHING_ASKED
     if waits or now < state[WAIT]:
-        state[c.LOST] += event == c.DUE
         late = waits and now - state[request_timing.SENT] > ANSWERED_WITHIN
         return _give_up_waiting(state, now, outgoing) if late else 0
     if event == c.DUE:

@@ -33,7 +33,7 @@ def _encode_stream(state, event, now, command, outgoing):
     count = open_say.say(state, event, now, command, plain)
     if count == 0:
         return 0
-    start = 1 if plain[1] == frame.HELLO else 0  # whatever came before on the line is ended
+    start = 1  # the 0 before a frame ends what came before, also one that the line took in part
     outgoing[0] = 0
     end = start + frame.cobs_encode(plain, count, outgoing[start:])
     outgoing[end] = 0

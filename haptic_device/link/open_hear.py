@@ -74,6 +74,8 @@ def _greeting(state, data, now):
             return False
     if not 1 <= axes <= 3 or not 1 <= least <= s.LONGEST_PERIOD or watchdog == 0 or (bits != 16 and bits != 32):
         return False
+    for i in range(6):
+        state.view(np.float64)[codec.TOLD + i] = frame.get_f32(data, at + 8 + 4 * i)
     if state[s.GREETED] == 0:
         state[codec.SESSIONS] += 1
         state[s.SAID] = now - s.ASK_FIRST
@@ -176,7 +178,7 @@ def _answered(state, at, applied):
         state[s.ANSWERED] = number
     state[at + s.KEY] = s.NOBODY
     delay = clock_fit.to_host(s.fit_of(state), applied) - written
-    if applied != 0 and abs(delay) < OLDEST:
+    if applied != 0 and -OLDEST < delay < OLDEST:
         state[s.WORST] = max(delay, state[s.WORST] - (state[s.WORST] - delay) // FADING, 0)
         state[codec.DELAY] = state[s.WORST] + state[codec.CLOCK_ERROR]
         state[codec.DELAY_MEAN] = codec.averaged(state[codec.DELAY_MEAN], delay)

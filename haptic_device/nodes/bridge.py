@@ -27,8 +27,10 @@ from haptic_device.realtime.seqlock import SeqLock
 from haptic_device.realtime.shared_memory import DEVICE, SharedMemory, file_name
 
 PRIORITY = 85  # above the servo, which waits for what it passes on
+SAME = 1e-3  # relative, within which two numbers are the same
 REOPEN = 0.2  # [s] between tries to open a line that is not there
 TARGET = np.dtype([("place", "f8", (3,))])
+HOLDS = "this device holds its last motor value where haptic_bridge is killed or stopped: keep a switch at hand"
 OPEN = {False: line.open_serial, True: line.open_udp}
 
 
@@ -65,6 +67,8 @@ class BridgeNode(ManagedNode):
         self._control[bridge_loop.WATCHDOG] = round(1e9 * self.values["motor_watchdog"])
         self._control[bridge_loop.ASKS] = self._codec.asks
         self._control[bridge_loop.DATAGRAM] = self._codec.datagram
+        if self._descriptor < 0:  # it was active before: what came since is no answer to what is asked now
+            self._descriptor = self._open()
         self._control[bridge_loop.FD] = self._descriptor
         self._ready, self._ending = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._serve, name="bridge")
@@ -76,6 +80,8 @@ class BridgeNode(ManagedNode):
         self._opener.start()
         self._truth.start(len(self.device.axes), self.values["publish.rate"])
         where = f"{self.get_namespace()}, domain {self.context.get_domain_id()}"
+        if self._codec.asks and not self._codec.state[codec.WATCHDOG]:
+            self.get_logger().warning(HOLDS)
         self.get_logger().info(f"serving {self.device.name} on {address(self.options)} in {where}; {self.realtime}")
 
     def deactivate(self):
@@ -88,6 +94,7 @@ class BridgeNode(ManagedNode):
                 self._opener.join()
         self._truth.stop()
         self._thread = self._opener = None
+        self._close()
 
     def cleanup(self):
         """Lets line and shared memory go."""
@@ -191,7 +198,8 @@ class BridgeNode(ManagedNode):
             return "error", self._why or f"the line {address(self.options)} is lost"
         if not self._codec.state[codec.READY]:
             return "warn", f"no device answers on {address(self.options)}"
-        return "ok", "serving"
+        wrong = "; ".join(contradictions(self._codec.state, self.device))
+        return ("error", wrong) if wrong else ("ok", "serving")
 
     def _watched(self, values):
         """Statuses of the figures that have limits."""
@@ -211,6 +219,19 @@ def pointed(options, port):
     if not number.isdigit() or not 1 <= int(number) <= 65535:
         raise ValueError(f"port is {port!r}; of a UDP device it should be a number from 1 to 65535, or HOST:NUMBER")
     return options.model_copy(update={"host": host or options.host, "port": int(number)})
+
+
+def contradictions(state, device):
+    """What a device tells of itself (state of its codec) otherwise than its description, a sentence each."""
+    if state[codec.AXES] != len(device.axes):
+        yield f"the device has {state[codec.AXES]} axes, its description {len(device.axes)}"
+    told = state[codec.TOLD : codec.TOLD + 6].view(np.float64)
+    for i, axis in enumerate(device.axes):
+        counts, largest, described = told[i], told[3 + i], axis.motor_limit / axis.motor_constant
+        if counts and abs(counts - axis.counts_per_unit) > SAME * axis.counts_per_unit:
+            yield f"axis {axis.name} has {counts:g} counts per unit, its description {axis.counts_per_unit:g}"
+        if largest and largest < described * (1.0 - SAME):
+            yield f"axis {axis.name} takes motor values up to {largest:g}, its description gives up to {described:g}"
 
 
 def address(options):

@@ -33,6 +33,7 @@ from haptic_device.realtime.shared_memory import file_name
 MIDDLEWARE_PRIORITY = 65  # below the servo, above the exchange; the thread of the commands has it too
 WATCH_PERIOD = controller_config.ATTENDED_EVERY  # a look of the executor at all that may wake it costs a millisecond
 PATIENCE = 1.0  # [s] that a service waits for the servo to have taken a command
+DELAY_CHANGE, LEAST_CHANGE = 0.25, 20e-6  # of the link's delay that is followed: relative, and [s]
 NOT_TAKEN = f"the servo did not take it within {PATIENCE} s"
 
 
@@ -43,7 +44,7 @@ class DriverNode(ManagedNode):
         super().__init__("haptic_driver", DRIVER)
         self.hardware = self.servo = self.exchange = self.telemetry = None
         self._kept = {"code": faults.NONE}
-        self._version, self._said, self.margins = 0, set(), [math.inf, math.inf]
+        self._version, self._said, self.margins, self._delay = 0, set(), [math.inf, math.inf], 0.0
         self._announced, self._alone_since = False, 0.0
         self._to_enable = self.values["auto_enable"]  # by itself, until a person has said otherwise
         self._watched, self.stall, self._reported = time.monotonic(), 0.0, None
@@ -64,7 +65,8 @@ class DriverNode(ManagedNode):
         ensure_compiled("servo", "exchange", told=self.told)
         scheduling.lift_threads(self.values["realtime"], MIDDLEWARE_PRIORITY)  # that of the commands too
         self.device = load_device(self.values["device"])
-        settings = controller_config.settings_from(self.device, self.values)
+        self._delay = self.device.sensing_delay + self.device.actuation_delay
+        settings = self._settings(self.values)
         self._judge(settings, self.values)
         self._warn(settings, self.values)
         name = file_name(self.context.get_domain_id(), self.get_namespace())
@@ -77,7 +79,7 @@ class DriverNode(ManagedNode):
         if not self._commands.running:
             raise ValueError("the services thread has ended: nobody could stop the motor")
         home = self.device.home if self.device.homing == "at_start" else None
-        settings = controller_config.settings_from(self.device, self.values, self._version)
+        settings = self._settings(self.values, self._version)
         self._judge(settings, self.values)
         self._warn(settings, self.values)
         self._announced, self._alone_since = False, 0.0
@@ -121,14 +123,14 @@ class DriverNode(ManagedNode):
     def _check(self, values):
         """Raises ValueError, one sentence, where values do not fit each other or the device."""
         if self.hardware is not None:
-            self._judge(controller_config.settings_from(self.device, values), values)
+            self._judge(self._settings(values), values)
 
     def _apply(self, values):
         """Takes values that were checked, at the next tick boundary."""
         self.values = values
         if self.hardware is None:
             return
-        settings = controller_config.settings_from(self.device, values, self._version + 1)
+        settings = self._settings(values, self._version + 1)
         self._warn(settings, values)
         if self.servo is not None:
             self._version += 1
@@ -157,8 +159,14 @@ class DriverNode(ManagedNode):
         """The sentence on gains beyond the device's damping; "" if they are not, or the policy is off."""
         return gain_check.refusal(settings[0], self.lateness()) if values["passivity.policy"] != "off" else ""
 
+    def _settings(self, values, version=0):
+        """SETTINGS record of these values, with the delay that counts now."""
+        settings = controller_config.settings_from(self.device, values, version)
+        settings["hardware"]["delay"] = self._delay
+        return settings
+
     def lateness(self):
-        """How late forces act [s]: the device's own delays, and the p99 of the measured delay of the writes.
+        """How late forces act [s]: the delays of device and link, and the p99 of the measured delay of the writes.
 
         The delays of the description may have been identified with the link in them: the longer of both counts, no sum.
         """
@@ -169,9 +177,19 @@ class DriverNode(ManagedNode):
 
     def _follow_margin(self):
         """The margin of the gains in force, with the lateness as measured now."""
+        self._follow_delay()
         settings, lateness = self.settings(), self.lateness()
         _, *self.margins = gain_check.margins(settings[0], lateness)
         self.servo.set(gain_check.counted(settings, lateness))
+
+    def _follow_delay(self):
+        """Books energy with the link's delay where that is longer than the description says; small changes wait."""
+        described = self.device.sensing_delay + self.device.actuation_delay
+        most = controller_config.MOST_LATE / self.values["servo.rate"]
+        delay = max(described, min(self.hardware.delay(), most))
+        if abs(delay - self._delay) > DELAY_CHANGE * self._delay + LEAST_CHANGE:
+            self._delay, self._version = delay, self._version + 1
+            self.servo.set(gain_check.counted(self._settings(self.values, self._version), self.lateness()))
 
     def settings(self):
         """SETTINGS array of one, those wished for now."""

@@ -13,12 +13,12 @@ PERIODS = 10_000, 10_000_000  # [ns] that a servo may have
 
 @njit
 def sensible(inbox, now, watchdog):
-    """Whether a write's times lie near now, its period is one of a servo, and its motor values are numbers.
+    """Whether a write is of the last second and not of the future, its next deadline near now, its period is one of a servo, and its motor values are numbers.
 
     The next write may be announced for two periods ahead, and no further than the watchdog waits: up to then the plant
     goes on with this motor value.
     """
-    near = abs(inbox[1] - now) < NEAR and -NEAR < inbox[2] - now <= max(2 * inbox[3], watchdog)
+    near = 0 <= now - inbox[1] < NEAR and -NEAR < inbox[2] - now <= max(2 * inbox[3], watchdog)
     motor = inbox.view(np.float64)[5:]
     finite = abs(motor[0]) < math.inf and abs(motor[1]) < math.inf and abs(motor[2]) < math.inf
     return near and PERIODS[0] <= inbox[3] <= PERIODS[1] and finite

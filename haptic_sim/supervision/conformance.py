@@ -113,6 +113,8 @@ def drive(interface, ticks: int, motor: float = 0.0, patience: int = LIMIT) -> l
         sample, woken = np.zeros(SAMPLE), time.monotonic_ns()
         fresh = interface.read(interface.memory, deadline, max(deadline, woken) + patience, sample)
         seen.append(Tick(deadline, written, time.monotonic_ns(), int(fresh), sample))
+        if not fresh and patience == LIMIT:  # it is silent: the rest would be waited for in vain
+            break
         written = time.monotonic_ns()
         deadline = max(deadline + PERIOD, written + PERIOD)
         interface.write(interface.memory, written, deadline, PERIOD, 1, push)
