@@ -2,7 +2,7 @@
 """Links by name, as `link: {type: NAME, …}` of a device description says: a line here is all that a new one needs.
 
 A link on a line is a module with `Options`, what a description may say beside `type`, `codec(options, device)`, which
-makes its Codec, and `compiled()`, the Codec's two functions (haptic_device/link/codec). Only the one that is used is imported.
+makes its Codec, and `compiled()`, its two functions (haptic_device/link/codec). Only the one in use is imported.
 """
 
 import importlib

@@ -23,7 +23,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.utilities import prefix_namespace
 from lifecycle_msgs.msg import Transition
 
-from haptic_device.config_files import find
+from haptic_device.config_files import find, find_beside
 from haptic_device.yaml_reader import load
 from haptic_sim.scene.motion import flat_motion
 
@@ -40,7 +40,7 @@ ARGUMENTS = {
     "scene": ("", "scene, a file or a name; the simulated hand moves as it suggests; empty: as parameters say", None),
     "device": ("", "device of driver and loopback, a file or a name; empty: as parameters say", None),
     "enable": ("false", "the driver enables itself once the tool answers; false: as parameters say", BOOLEAN),
-    "loopback": ("true", "start what serves the device: the simulated one, or the bridge to its link", BOOLEAN),
+    "loopback": ("true", "start what serves the device: haptic_loopback, or haptic_bridge if it has a link", BOOLEAN),
     "record": ("false", "start the recorder too", BOOLEAN),
     "view": ("false", "start haptic_viewer too, whose page it prints the address of", BOOLEAN),
     "rviz": ("false", "start rviz2 on this namespace, and haptic_viewer for its markers", BOOLEAN),
@@ -64,7 +64,9 @@ def _nodes(context):
     on = {name for name, value in choices.items() if IfCondition(value).evaluate(context)}
     files = [str(find("", given["parameters"]))] if given["parameters"] else []
     own = _own(given, on)
-    serving = _serving(given["device"])
+    device = given["device"] or _device_in(files)
+    serving = _serving(device)
+    own["haptic_bridge"] |= {"device": device} if device else {}
     nodes = [_managed(name, given["namespace"], files, own.get(name, {})) for name in _executables(on, serving)]
     driven = [action for node in nodes for action in _driven(node)] if given["autostart"] == LAUNCH else []
     page = [_page(given["namespace"], files)] if on & {"view", "rviz"} else []
@@ -76,6 +78,18 @@ def _serving(device):
     link = (load(find("devices", device)).get("link") if device else None) or {"type": "loopback"}
     kind = link.get("type") if isinstance(link, dict) else None  # what is wrong in it, the driver says
     return {"loopback": "haptic_loopback", "shared_memory": None}.get(kind, "haptic_bridge")
+
+
+def _device_in(files):
+    """The device that a parameter file gives the driver, as a path or name; "" for none."""
+    found = ""
+    for file in files:
+        for key, section in load(file, ros=True).items():
+            own = key.rpartition("/")[2] in ("haptic_driver", "**") and isinstance(section, dict)
+            values = section.get("ros__parameters") if own else None
+            if isinstance(values, dict) and isinstance(values.get("device"), str):
+                found = find_beside(Path(file), "devices", values["device"])
+    return found
 
 
 def _executables(on, serving):
@@ -94,7 +108,7 @@ def _own(given, on):
         loopback |= {f"motion.{name}": value for name, value in _motion(scene).items()}
     if given["device"]:
         find("devices", given["device"])
-        driver["device"] = loopback["device"] = bridge["device"] = given["device"]
+        driver["device"] = loopback["device"] = given["device"]
     if "enable" in on:
         driver |= {"auto_enable": True, "auto_enable_wait": TOGETHER}
     return {

@@ -13,7 +13,7 @@ PERIODS = 10_000, 10_000_000  # [ns] that a servo may have
 
 @njit
 def sensible(inbox, now, watchdog):
-    """Whether a write is of the last second and not of the future, its next deadline near now, its period is one of a servo, and its motor values are numbers.
+    """Whether a write is of the last second, its deadline near now, its period a servo's, and its motor values numbers.
 
     The next write may be announced for two periods ahead, and no further than the watchdog waits: up to then the plant
     goes on with this motor value.

@@ -197,7 +197,7 @@ def _figures(live, tuning, plan, say):
 
 
 def _write_delay(tuning):
-    """Time from deadline to the motor's effect [s]: the median of the servo's writes, and what the bridge adds, if any."""
+    """Time from deadline to the motor's effect [s]: the median of the servo's writes, and what a bridge adds."""
     tuning.watch(0.6)
     bridge = tuning.statuses.get("haptic_bridge")
     added = number(bridge.values.get("delay_mean_us", "")) if bridge else 0.0

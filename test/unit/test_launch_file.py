@@ -181,6 +181,20 @@ def test_scene_and_device_of_the_launch_file_reach_the_nodes_after_the_parameter
 
 
 @pytest.mark.parametrize(
+    ("device", "serving"),
+    [("desktop", {"haptic_loopback"}), ("moteus_knob", {"haptic_bridge"}), ("own_device", set())],
+)
+@pytest.mark.parametrize("told", ["argument", "file"])
+def test_the_launch_file_starts_what_serves_the_device_that_the_driver_has(launched, tmp_path, device, serving, told):
+    (tmp_path / "point.yaml").write_text(f"/**/haptic_driver: {{ros__parameters: {{device: {device}}}}}")
+    given = {"device": device} if told == "argument" else {"parameters": str(tmp_path / "point.yaml")}
+    nodes = launched(**given)
+    assert set(nodes) == {"haptic_driver", "haptic_simulation"} | serving
+    for name in serving & {"haptic_bridge"}:
+        assert plain(nodes[name]["parameters"])[-1] == {"device": device}
+
+
+@pytest.mark.parametrize(
     ("text", "motion"),
     [("name: x", {}), ("motion: {name: hold, moving: 'off'}", {"motion.name": "hold", "motion.moving": "off"})],
 )
