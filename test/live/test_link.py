@@ -354,7 +354,7 @@ def test_of_a_status_word_on_the_page_the_servo_takes_the_known_bits_beside_its_
 
     def write():
         latched = int(clock.now_ns(scratch)) + 10_000_000  # the servo's next ticks are of it
-        shared_memory.write_device(device.words, block, 1, latched, word, latched, np.zeros(3), np.zeros(3))
+        shared_memory.write_device(device.words, block, 1, latched, word, latched, np.zeros(3), np.zeros(3), 0)
 
     def take():
         seen.update(thread.ring.take(1000)["device_status"].tolist())

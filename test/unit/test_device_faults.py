@@ -159,7 +159,7 @@ def status_read(page, word):
     device, link = page
     sample = np.zeros(hardware_interface.SAMPLE)
     block = np.zeros(shared_memory.DEVICE_WORDS, np.int64)
-    shared_memory.write_device(device.words, block, 1, 1000, word, 1000, np.array([5.0, 6.0, 7.0]), np.zeros(3))
+    shared_memory.write_device(device.words, block, 1, 1000, word, 1000, np.array([5.0, 6.0, 7.0]), np.zeros(3), 0)
     assert link.read(link.memory, 1000, 0, sample) == 1
     assert sample[hardware_interface.COUNTS :].tolist() == [5.0, 6.0, 7.0, 0.0, 0.0, 0.0]
     return sample[hardware_interface.STATUS]
