@@ -84,7 +84,11 @@ def _device_in(files):
     """The device that a parameter file gives the driver, as a path or name; "" for none."""
     found = ""
     for file in files:
-        for key, section in load(file, ros=True).items():
+        try:
+            sections = load(file, ros=True)
+        except ValueError:  # which the nodes say
+            continue
+        for key, section in sections.items():
             own = key.rpartition("/")[2] in ("haptic_driver", "**") and isinstance(section, dict)
             values = section.get("ros__parameters") if own else None
             if isinstance(values, dict) and isinstance(values.get("device"), str):

@@ -15,11 +15,10 @@
 #define MOST 15.0                  /* [motor units] that the device can make */
 #define COUNTS 200000.0            /* per m */
 
-static volatile sig_atomic_t ended;
+static volatile sig_atomic_t ended; /* the signal that ends it */
 static void end(int number)
 {
-    (void)number;
-    ended = 1;
+    ended = number;
 }
 
 static struct {

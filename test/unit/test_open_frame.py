@@ -577,14 +577,14 @@ def serial():
     return host, device, now
 
 
-def test_a_session_on_a_stream_begins_with_a_zero_and_frames_end_with_one():
+def test_frames_on_a_stream_stand_between_zeros():
     host, device, now = serial()
     opened = host.say(codec.OPENED, now)
     assert opened[0] == opened[-1] == 0 and unpacked(unstuffed(opened[1:-1]))[0] == HELLO
     host, device, now = serial()
     command = host.write(now, now + MS)
-    assert command[0] != 0 and command[-1] == 0 and 0 not in command[:-1]
-    assert unpacked(unstuffed(command[:-1]))[0] == COMMAND
+    assert command[0] == command[-1] == 0 and 0 not in command[1:-1]
+    assert unpacked(unstuffed(command[1:-1]))[0] == COMMAND
 
 
 def test_bytes_without_a_zero_are_kept_up_to_the_longest_frame_and_then_dropped():
