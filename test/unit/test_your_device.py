@@ -96,6 +96,11 @@ def test_the_answer_to_the_request_at_the_deadline_is_its_sample(board, counts):
     assert board.hear(reply(counts), 11 * MS + 4000) == [(11 * MS + 2000, 11 * MS, counts)]
 
 
+def test_without_a_servo_a_sample_comes_each_idle_event(board):
+    assert board.tell(c.IDLE, 10 * MS) == request(0)
+    assert board.hear(reply(7), 10 * MS + 4000) == [(10 * MS + 2000, 0, 7)]
+
+
 def test_a_sample_is_never_before_its_deadline(board):
     board.tell(c.DUE, 10 * MS, deadline=11 * MS)
     assert board.hear(reply(3), 11 * MS) == [(11 * MS, 11 * MS, 3)]
