@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A cable between a host and a device that can be pulled out, and knows what went by: of the standard library alone.
 
-`python cable.py serial LINK PORT` puts a serial line at LINK, whose other end is the device's PORT; `python cable.py udp
-0 NUMBER` takes datagrams at a port that it prints, for the device's port NUMBER. Orders on standard input, each answered
-by a line: `hold` lets nothing pass, `pass` everything; `close` takes the line away from the host, `open` gives it a new
-one; `tell` answers with what the class Seen keeps. A serial device that is gone takes the line away, until it is there.
+`python cable.py serial LINK PORT` puts a serial line at LINK, whose other end is the device's PORT; `python cable.py
+udp 0 NUMBER` takes datagrams at a port that it prints, for the device's port NUMBER. Orders on standard input, each
+answered by what the class Seen keeps: `hold` lets nothing pass, `pass` everything; `close` takes the line away from the
+host, `open` gives it a new one; `tell`. A serial device that is gone takes the line away, until it is there.
 """
 
 import collections
@@ -57,19 +57,21 @@ class Datagrams:
         self.host, self.device = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
         self.host.bind(("127.0.0.1", 0))
         self.device.connect(("127.0.0.1", int(number)))
+        for end in (self.host, self.device):
+            end.setblocking(False)
         self._asked_by = None
         self.where = self.host.getsockname()[1]
 
     def read(self, end):
         """What has come at an end, and the frames in it."""
-        with contextlib.suppress(ConnectionRefusedError):
+        with contextlib.suppress(ConnectionRefusedError, BlockingIOError):  # the first may have been told to a write
             data, sender = end.recvfrom(4096)
             self._asked_by = sender if end is self.host else self._asked_by
             return data, frames([data])
         return b"", []
 
     def write(self, end, data):
-        with contextlib.suppress(ConnectionRefusedError):
+        with contextlib.suppress(ConnectionRefusedError, BlockingIOError):
             end.send(data) if end is self.device else end.sendto(data, self._asked_by)
 
     def look(self):

@@ -58,7 +58,8 @@ def command(name, namespace="/haptic", renamed=(), **given):
     given = BEARS.get(name, {}) | given
     words = [w for key, value in given.items() for w in ("-p", f"{key.replace('__', '.')}:={parameter_text(value)}")]
     rules = [word for rule in renamed for word in ("-r", rule)]
-    return [sys.executable, "-m", (MODULES | BESIDE | BRIDGE)[name], "--ros-args", "-r", f"__ns:={namespace}", *rules, *words]
+    module = (MODULES | BESIDE | BRIDGE)[name]
+    return [sys.executable, "-m", module, "--ros-args", "-r", f"__ns:={namespace}", *rules, *words]
 
 
 def refusal_of(process):

@@ -4,7 +4,6 @@ is zero when the device's watchdog is over, by the device's own log and clock.""
 
 import contextlib
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -12,7 +11,6 @@ import time
 from pathlib import Path
 
 import pytest
-from ear import Ear
 from live_nodes import HOLDING, Nodes
 from waiting import LIMIT, exit_code, until
 
@@ -116,7 +114,8 @@ class Rig:
         self.ear.until(lambda: said[-1][2]["fault"] in names, f"the fault {names}")
 
     def bridge_says(self, level, message):
-        self.ear.until(lambda: self.ear.said["haptic_bridge"][-1][:2] == (level, message), f"the bridge says {message}")
+        said = self.ear.said["haptic_bridge"]
+        until(lambda: said[-1][:2] == (level, message), f"the bridge says {message}", self.ear.look, lambda: said[-1])
 
     def counted(self, name):
         """A counter of the bridge, as it says it from now on."""
