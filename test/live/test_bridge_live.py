@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from in_process import haptic
 from live_nodes import HOLDING, Nodes
 from waiting import LIMIT, exit_code, until
 
@@ -291,3 +292,12 @@ def test_the_button_of_the_device_is_a_fault_that_no_reset_clears_while_it_is_pr
     assert rig.ear.trigger("reset") == (False, again)
     rig.device.say("estop 0")
     rig.press()
+
+
+@pytest.mark.parametrize("rig", ["udp"], indirect=True)
+def test_a_device_behind_a_bridge_is_shown(rig, ros_domain):
+    rig.bridge_says(0, "serving")
+    ended = haptic("device", "show", "--domain", ros_domain, "--json")
+    shown = json.loads(ended.stdout)
+    assert ended.returncode == 0 and shown["device"] == ["reference_udp", ""]
+    assert shown["status of the device"][0] in ("none", "motors cut by its watchdog")
