@@ -28,6 +28,8 @@ MODULES = {
 }
 BESIDE = {"haptic_recorder": "haptic_device.nodes.recorder", "haptic_relay": "haptic_sim.node.network_emulator"}
 """Nodes that take no part in the exchange."""
+BRIDGE = {"haptic_bridge": "haptic_device.nodes.bridge"}
+"""In place of the loopback, where there is a device on a line."""
 SLOW = {
     "servo__rate": 1000.0,
     "publish__rate": 100.0,
@@ -56,7 +58,8 @@ def command(name, namespace="/haptic", renamed=(), **given):
     given = BEARS.get(name, {}) | given
     words = [w for key, value in given.items() for w in ("-p", f"{key.replace('__', '.')}:={parameter_text(value)}")]
     rules = [word for rule in renamed for word in ("-r", rule)]
-    return [sys.executable, "-m", (MODULES | BESIDE)[name], "--ros-args", "-r", f"__ns:={namespace}", *rules, *words]
+    module = (MODULES | BESIDE | BRIDGE)[name]
+    return [sys.executable, "-m", module, "--ros-args", "-r", f"__ns:={namespace}", *rules, *words]
 
 
 def refusal_of(process):

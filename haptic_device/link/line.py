@@ -37,7 +37,7 @@ def open_serial(options):
     try:
         descriptor = os.open(options.port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError as error:
-        raise OSError(f"port {options.port} cannot be opened: {in_words(error)}") from None
+        raise OSError(f"port {options.port} cannot be opened: {error.strerror}") from None
     try:
         _make_raw(descriptor, SPEEDS[options.baud])
     except (OSError, termios.error) as error:

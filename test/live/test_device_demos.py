@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic demo` and `haptic device` on devices that are programs of their own."""
+
+import contextlib
+import json
+import subprocess
+
+from codec_host import DEVICES, Emulator
+from firmware_builds import FIRMWARE
+from in_process import haptic
+from live_demo import BUSY, demos
+
+from haptic_device import yaml_reader
+from haptic_device.description import load_device
+from haptic_device.parameters import LOOPBACK
+from haptic_device.process import ending_with_us
+from haptic_sim.supervision import conformance, reference_device
+
+STEP = 0.5e-3 / 0.05 / 6.283185307179586  # [revolutions] of the knob, half a millimetre of its lever
+HALF_TURNS = 0.0  # [revolutions] where it stands at first
+
+
+@contextlib.contextmanager
+def running(command):
+    with subprocess.Popen(ending_with_us(command), stdout=subprocess.PIPE, text=True) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def found_of(run):
+    return json.loads(run.said.splitlines()[-1])
+
+
+def test_the_peg_goes_into_the_hole_with_the_reference_device(tmp_path):
+    with demos(tmp_path) as demo:
+        run = demo("--device", "reference_udp", "--json", *BUSY)
+        assert run.ended() == 0, run.progress + run.said
+    found = found_of(run)
+    assert found["done"] and found["faults"] == [] and found["result"]["insertion_fraction"] >= 0.95
+    print(found["energy_j"])
+
+
+def test_a_knob_presses_the_wall_of_a_demo(start, tmp_path):
+    knob = Emulator(start, "moteus", tmp_path / "log", 1)
+    content = yaml_reader.load(DEVICES / "moteus_knob.yaml")
+    content["link"] |= {"port": knob.port}
+    (tmp_path / "knob.yaml").write_text(yaml_reader.dump(content))
+    with demos(tmp_path) as demo:
+        run = demo("--device", str(tmp_path / "knob.yaml"), "--seconds", "3", "--rate", "1000", "--json", scene="wall")
+        code = run.ended()
+    print(code, run.progress, run.said)
+    assert knob.torques()[-1][1] == 0.0
+
+
+def test_a_process_of_ones_own_presses_the_wall_of_a_demo(ros_domain, start, tmp_path):
+    program = tmp_path / "own_device"
+    source = FIRMWARE / "examples/own_device.c"
+    subprocess.run(["cc", "-std=c99", "-O2", "-o", program, source], check=True)
+    device = start([program, str(ros_domain)], stdout=subprocess.PIPE)
+    assert device.stdout.readline().startswith(f"own_device: serves /dev/shm/haptic_display.{ros_domain}.haptic")
+    with demos(tmp_path) as demo:
+        run = demo("--device", "own_device", "--seconds", "3", "--json", scene="wall")
+        code = run.ended()
+    print(code, run.progress, run.said)
+
+
+def test_the_reference_device_keeps_every_promise_behind_its_bridge():
+    ended = haptic("device", "test", "reference_udp", "--json")
+    results = {one["name"]: one for one in json.loads(ended.stdout)["checks"]}
+    assert list(results) == list(conformance.CHECKS)
+    in_time = results.pop(conformance.IN_TIME)["passed"]  # of this machine too
+    assert [one["sentence"] for one in results.values() if not one["passed"]] == []
+    assert ended.returncode == (0 if in_time else 1)
+
+
+def test_a_reference_device_is_found_by_its_greeting_with_the_line_for_its_description(tmp_path):
+    values = {parameter.name: parameter.default for parameter in LOOPBACK}
+    (tmp_path / "config").write_text(reference_device.config_of(load_device("reference_udp"), values))
+    command = [str(reference_device.compiled()), "--config", str(tmp_path / "config"), "--udp", "0"]
+    with running(command) as device:
+        port = int(device.stdout.readline().split()[1])
+        ended = haptic("device", "find", "--udp", f"127.0.0.1:{port}", "--json")
+    found = json.loads(ended.stdout)["found"][-1]
+    assert ended.returncode == 0, ended.stderr
+    assert found["answer"] == "reference_udp: a device with 3 axes, firmware 1.0.0, watchdog 15 ms"
+    assert found["link"] == {"type": "udp", "host": "127.0.0.1", "port": port}

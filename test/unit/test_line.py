@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A line to a device: what cannot be opened, what is read and written, and when it is gone."""
+
+import errno
+import os
+import pty
+import socket
+import termios
+import time
+import tty
+
+import numpy as np
+import pytest
+
+from haptic_device.link import line
+from haptic_device.link.open_serial import Options as SerialOptions
+from haptic_device.link.open_udp import Options as UdpOptions
+
+MS = 1_000_000  # [ns]
+
+
+class Terminal:
+    """A pseudo-terminal: `far` is the device's end."""
+
+    def __init__(self):
+        self.far, self.near = pty.openpty()
+        tty.setraw(self.near)
+        self.path = os.ttyname(self.near)
+
+    def unplug(self):
+        """Takes the device's end away."""
+        os.close(self.far)
+        self.far = -1
+
+    def close(self):
+        for end in (self.far, self.near):
+            if end >= 0:
+                os.close(end)
+
+
+@pytest.fixture
+def terminal():
+    terminal = Terminal()
+    yield terminal
+    terminal.close()
+
+
+@pytest.fixture
+def opened(terminal):
+    """The descriptor of the host's end."""
+    descriptor = line.open_serial(SerialOptions(port=terminal.path))
+    yield descriptor
+    os.close(descriptor)
+
+
+def refusal(options):
+    """Why this serial line is not opened."""
+    before = len(os.listdir("/proc/self/fd"))
+    with pytest.raises(OSError) as refused:
+        line.open_serial(options)
+    assert len(os.listdir("/proc/self/fd")) == before
+    return str(refused.value)
+
+
+def test_a_port_that_is_not_there_is_named_once(tmp_path):
+    port = str(tmp_path / "line")
+    assert refusal(SerialOptions(port=port)) == f"port {port} cannot be opened: No such file or directory"
+
+
+def test_a_port_that_may_not_be_opened_says_so(terminal, monkeypatch):
+    def forbidden(path, flags):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), path)
+
+    monkeypatch.setattr(os, "open", forbidden)
+    assert refusal(SerialOptions(port=terminal.path)) == f"port {terminal.path} cannot be opened: Permission denied"
+
+
+@pytest.mark.parametrize("port", ["/dev/null", "/dev/zero"])
+def test_what_is_no_terminal_is_no_serial_line(port):
+    assert refusal(SerialOptions(port=port)) == f"port {port} is no serial line: Inappropriate ioctl for device"
+
+
+def test_a_file_is_no_serial_line_and_stays_as_it_was(tmp_path):
+    file = tmp_path / "file"
+    file.write_text("kept")
+    assert refusal(SerialOptions(port=str(file))).startswith(f"port {file} is no serial line: ")
+    assert file.read_text() == "kept"
+
+
+@pytest.mark.parametrize("baud", [115201, 12_000_000])
+def test_a_baud_that_no_line_has_is_refused_with_those_that_there_are(terminal, baud):
+    said = refusal(SerialOptions(port=terminal.path, baud=baud))
+    assert said.startswith(f"baud is {baud} bit/s; it should be one of ") and ", 9600, " in said
+
+
+@pytest.mark.parametrize("baud", [1200, 4_000_000])
+def test_the_slowest_and_the_fastest_line_are_set(terminal, baud):
+    descriptor = line.open_serial(SerialOptions(port=terminal.path, baud=baud))
+    speeds = termios.tcgetattr(descriptor)[4:6]
+    os.close(descriptor)
+    assert speeds == [line.SPEEDS[baud]] * 2
+
+
+def test_every_byte_passes_as_it_is_and_what_came_before_is_gone(terminal):
+    os.write(terminal.far, b"old\n")
+    descriptor = line.open_serial(SerialOptions(port=terminal.path))
+    every, buffer = np.arange(256, dtype=np.uint8), np.zeros(300, np.uint8)
+    os.write(terminal.far, every.tobytes())
+    heard = heard_all(descriptor, buffer, 256)
+    assert line.send(descriptor, every, 256)
+    back = b""
+    while len(back) < 256:
+        back += os.read(terminal.far, 512)
+    os.close(descriptor)
+    assert heard == back == every.tobytes()
+
+
+def heard_all(descriptor, buffer, count):
+    """So many bytes of the line."""
+    have, scratch = 0, np.zeros(3, np.int64)
+    while have < count:
+        now = time.monotonic_ns()
+        line.wait(descriptor, now + 1000 * MS, now, scratch)
+        came = line.receive(descriptor, buffer, have)
+        assert came >= 0
+        have += came
+    return buffer[:have].tobytes()
+
+
+def test_a_line_without_bytes_is_not_lost_and_one_without_a_device_is(terminal, opened):
+    buffer = np.zeros(8, np.uint8)
+    assert line.receive(opened, buffer, 0) == 0
+    terminal.unplug()
+    assert line.receive(opened, buffer, 0) == line.LOST
+    assert not line.send(opened, buffer, 8)
+
+
+def test_a_wait_ends_when_a_byte_is_there_and_without_one_not_before_its_time(terminal, opened):
+    scratch, now = np.zeros(3, np.int64), time.monotonic_ns()
+    line.wait(opened, now + 2 * MS, now, scratch)
+    assert time.monotonic_ns() >= now + 2 * MS
+    line.wait(-1, now + 3 * MS, now, scratch)
+    assert time.monotonic_ns() >= now + 3 * MS
+    os.write(terminal.far, b"x")
+    heard = np.zeros(8, np.uint8)
+    line.wait(opened, time.monotonic_ns() + 3_600_000 * MS, time.monotonic_ns(), scratch)  # else it never ends
+    assert line.receive(opened, heard, 0) == 1 and heard[0] == ord("x")
+
+
+def test_a_udp_peer_that_is_not_there_yet_is_not_lost():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    descriptor, buffer = line.open_udp(UdpOptions(port=port)), np.zeros(8, np.uint8)
+    line.send(descriptor, buffer, 8)
+    assert line.receive(descriptor, buffer, 0) == 0
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
+        peer.bind(("127.0.0.1", port))
+        peer.settimeout(60.0)
+        line.send(descriptor, buffer, 3)
+        data, sender = peer.recvfrom(100)
+        peer.sendto(b"yes", sender)
+        assert data == bytes(3) and heard_all(descriptor, buffer, 3) == b"yes"
+    os.close(descriptor)
+
+
+def test_a_host_that_has_no_address_is_said():
+    with pytest.raises(OSError) as refused:
+        line.open_udp(UdpOptions(host="no.such.host.invalid", port=5))
+    assert str(refused.value).startswith("no.such.host.invalid port 5 cannot be reached by UDP: ")
+    assert "[Errno" not in str(refused.value) and "\n" not in str(refused.value)
