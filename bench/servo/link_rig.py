@@ -16,16 +16,15 @@ from haptic_device.device.simulated_device import TRUTH
 from haptic_device.link import bridge_loop, clock_fit, codec, line, open_frame, open_serial, open_udp
 from haptic_device.os_errors import in_words
 from haptic_device.process import ending_with_us
-from haptic_device.realtime import clock, scheduling, shared_memory
+from haptic_device.realtime import atomic, clock, scheduling, shared_memory
 from haptic_device.realtime.hardware_interface import SharedMemoryInterface
 from haptic_device.realtime.seqlock import SeqLock
 from haptic_sim.supervision import reference_device
 
 BRIDGE, SERVO = 85, 80  # priorities, those of haptic_bridge and haptic_driver
-TRANSPORTS = "udp", "pty"
 WATCHDOG = 15_000_000  # [ns]
 PATIENCE = 10.0  # [s]
-SETTLED, AGAIN = 2.0, 3.0  # [s] after the device's start and after a step, in which nothing is judged; and looked at
+LONGEST = 60.0  # [s] that a servo is driven
 LOOK = 0.001  # [s]
 
 
@@ -99,9 +98,7 @@ class Rig:
         scheduling.go_realtime("prefer", BRIDGE)
         target = SeqLock(np.dtype([("place", "f8", (3,))]))
         said = self._codec
-        loop(
-            said.encode, said.decode, said.state, self._words, self._control, SeqLock(TRUTH).words, target.words, 1
-        )
+        loop(said.encode, said.decode, said.state, self._words, self._control, SeqLock(TRUTH).words, target.words, 1)
 
     def _until_ready(self):
         end = time.monotonic() + PATIENCE
@@ -112,17 +109,36 @@ class Rig:
 
     def waits(self, rate: float, count: int) -> np.ndarray:
         """For each of `count` deadlines how long after it the sample was in hand [ns], −1: not within half a period."""
-        found, servo = np.zeros(count, np.int64), self._servo
+        found = np.zeros(count, np.int64)
+        with self._thread_of(rate, found, np.zeros(1, np.int64)):
+            pass
+        return found
+
+    @contextlib.contextmanager
+    def driven(self, rate: float):
+        """Meanwhile a servo of this rate runs."""
+        ending = np.zeros(1, np.int64)
+        with self._thread_of(rate, np.zeros(int(LONGEST * rate), np.int64), ending):
+            try:
+                yield
+            finally:
+                ending[0] = 1
+
+    @contextlib.contextmanager
+    def _thread_of(self, rate, found, ending):
+        servo, period = self._servo, round(1e9 / rate)
 
         def serve():
             scheduling.go_realtime("prefer", SERVO)
-            _take(servo.read, servo.write, servo.memory, found, round(1e9 / rate))
+            _take(servo.read, servo.write, servo.memory, found, period, ending)
 
-        _take(servo.read, servo.write, servo.memory, np.zeros(2, np.int64), round(1e9 / rate))  # compiles it
+        _take(servo.read, servo.write, servo.memory, np.zeros(2, np.int64), period, ending)  # compiles it
         thread = threading.Thread(target=serve)
         thread.start()
-        thread.join()
-        return found
+        try:
+            yield
+        finally:
+            thread.join()
 
     def clock(self) -> tuple[int, int, int]:
         """A time [ns], the device's time then as it is estimated, and how many steps of its clock were found."""
@@ -136,12 +152,14 @@ class Rig:
 
 
 @jit.kernel
-def _take(read, write, memory, found, period):
-    """The servo's way: sleeps to the deadline, reads, writes; found: see `Rig.waits`."""
+def _take(read, write, memory, found, period, ending):
+    """The servo's way, until ending[0]: sleeps to the deadline, reads, writes; found: see `Rig.waits`."""
     scratch, sample, motor = np.zeros(2, np.int64), np.zeros(8), np.zeros(3)
     deadline = clock.now_ns(scratch) + period
     write(memory, deadline - period, deadline, period, 0, motor)
     for k in range(found.size):
+        if atomic.load(ending, 0) != 0:
+            break
         clock.sleep_until(deadline, scratch)
         fresh = read(memory, deadline, deadline + period // 2, sample)
         now = clock.now_ns(scratch)
