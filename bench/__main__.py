@@ -9,7 +9,7 @@ import typer
 from haptic_sim.cli.main import ending_in_a_sentence
 
 COMMANDS = {  # name: (module with a `main`, what it measures)
-    "all": ("bench.all", "the short or the full form of eight of these into a folder, and the one table made of it"),
+    "all": ("bench.all", "the short or the full form of nine of these into a folder, and the one table made of it"),
     "chosen": ("bench.methods.chosen", "every method that a shipped scene could have, against its reference"),
     "costs": ("bench.servo.costs", "what a tick, an exchange, a sub-step and a cell cost, and how each grows"),
     "exchange": ("bench.exchange.exchange", "exchange methods against delay, jitter, loss and rate"),
@@ -17,6 +17,7 @@ COMMANDS = {  # name: (module with a `main`, what it measures)
     "growth": ("bench.methods.growth", "an exchange with 10 to 300 bodies, ours and the peers'"),
     "hard_cases": ("bench.methods.hard_cases", "which method and which peer survives which hard scene"),
     "hashes": ("bench.methods.hashes", "hashes of every scene by each method, to compare two commits by"),
+    "link": ("bench.servo.link", "a device on a line: its sample in hand beside a bare pair in C, and its clock"),
     "load": ("bench.servo.load", "processor and memory of the whole live system, node by node"),
     "local": ("bench.exchange.local", "what the tool in the servo is worth: stiffness, drag and mass, Fig. 5, tasks"),
     "reference": ("bench.methods.converged", "the stored references made again"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Eight of the measurements into a folder, and the one table made of it."""
+"""Nine of the measurements into a folder, and the one table made of it."""
 
 import json
 import re
@@ -21,6 +21,7 @@ MARKS = "<!-- benchmarks: python -m bench all -->", "<!-- end of benchmarks -->"
 BENCHMARKS = {  # name: words for a short run, for a full one
     "start": (("--again", "1"), ()),
     "servo": (("--seconds", "0.5", "--turns", "3"), ("--seconds", "5")),
+    "link": (("--rate", "1000", "--turns", "3"), ("--seconds", "5")),
     "costs": ((), ()),
     "load": (("--seconds", "3"), ()),
     "round_trip": (("--rate", "1000"), ()),
@@ -39,7 +40,7 @@ def main(
     only: Annotated[str | None, typer.Option(help=_ONLY)] = None,
     insert: Annotated[list[Path] | None, typer.Option(help=_INSERT)] = None,
 ) -> None:
-    """Eight measurements into a folder with the machine's facts, JSON each, and one table of them."""
+    """Nine measurements into a folder with the machine's facts, JSON each, and one table of them."""
     measure(out, short, listed(only, BENCHMARKS, "benchmark"))
     table = results.markdown(out)
     (out / "table.md").write_text(table + "\n", encoding="utf-8")

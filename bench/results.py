@@ -87,6 +87,18 @@ def _round_trip(found):
             yield Figure(f"device, simulation and driver, {where}", cores, "cores")
 
 
+def _link(found):
+    for one in found["waits"]:
+        where = f"{one['transport']}, {one['rate']:g} Hz"
+        for name in ("p50", "p99"):
+            yield Figure(f"sample in hand {name}, {where}", one["ours"][name], "µs")
+            yield Figure(f"sample in hand {name} to a bare pair's, {where}", one[f"{name}_ratio"], "×", "≤ 2")
+    for one in found["clock"]:
+        yield Figure(f"error of the device's clock p99, {one['transport']}", one["p99"], "µs", "≤ 10 µs")
+        yield Figure(f"steps of that clock found, {one['transport']}", one["steps"], "of 1", "all")
+        yield Figure(f"known again to 10 µs after its step, {one['transport']}", one["again"], "s")
+
+
 def _costs(found):
     for one in found["costs"]:
         yield Figure(f"{one['what']}: one more {one['grows_with']}", one["slope"], "µs")
@@ -141,6 +153,7 @@ def _speed_error(found):
 READERS = {
     "start": _start,
     "servo": _servo,
+    "link": _link,
     "round_trip": _round_trip,
     "load": _load,
     "costs": _costs,
