@@ -13,7 +13,7 @@ import numpy as np
 
 from haptic_device import jit
 from haptic_device.device.simulated_device import TRUTH
-from haptic_device.link import bridge_loop, clock_fit, codec, line, open_frame, open_serial, open_udp
+from haptic_device.link import bridge_loop, clock_fit, codec, line, open_serial, open_state, open_udp
 from haptic_device.os_errors import in_words
 from haptic_device.process import ending_with_us
 from haptic_device.realtime import atomic, clock, scheduling, shared_memory
@@ -145,9 +145,9 @@ class Rig:
         state = self._codec.state
         while True:  # the loop may be writing
             now, seen = time.monotonic_ns(), state.copy()
-            if np.array_equal(seen[open_frame.FIT : open_frame.ROUNDS], state[open_frame.FIT : open_frame.ROUNDS]):
+            if np.array_equal(seen[open_state.FIT : open_state.ROUNDS], state[open_state.FIT : open_state.ROUNDS]):
                 break
-        fit = seen[open_frame.FIT : open_frame.ROUNDS]
+        fit = seen[open_state.FIT : open_state.ROUNDS]
         return now, int(clock_fit.to_device(fit, now)), int(fit[clock_fit.STEPS])
 
 
