@@ -30,7 +30,7 @@ GATE_BYTE = 2  # held by who comes or goes, so that nobody opens a file that ano
 DEVICE_LOCK, DEVICE_FIRST, DEVICE_WORDS = 8, 9, 11  # session, latched, status, alive, counts 3, drag 3, delay
 SERVO_LOCK, SERVO_FIRST, SERVO_WORDS = 32, 33, 8  # session, written, next deadline, period, engaged, motor 3
 WATCHDOG = faults.WATCHDOG  # bit of status: the device has cut the motor; the others are there too
-SPIN, PAUSE = 50_000, 30_000  # [ns] that a sample is looked for without a pause; longest pause after that, else woken
+SPIN, PAUSE = 10_000, 30_000  # [ns] that a sample is looked for without a pause; longest pause after that, else woken
 
 
 class SharedMemoryError(OSError):
