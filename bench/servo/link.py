@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When the sample of a device on a line is in the servo's hand, beside a bare pair in C, and how well its clock is known.
+"""When the sample of a device on a line is in the servo's hand, beside a bare pair in C; how well its clock is known.
 
 Ours is the reference device, the bridge's loop, and a page read as the servo reads it.
 """
 
+import itertools
 import json
 import statistics
 import sys
@@ -22,6 +23,7 @@ RATES = (1000.0, 4000.0)  # [Hz]
 PPM, STEP_US, STEP_AT = 30.0, 200.0, 3.0  # of the device's clock: skew, its step [µs], when [s]
 SETTLED, LATER = 2.0, 6.0  # [s] since the device began, between which its clock is looked at
 LOOK, APART, NEAR = 0.002, 0.02, 10.0  # [s] between looks, and left out around the step; [µs] that is near enough
+HELD = 0.5  # [s] for which the error has to stay below that
 QUANTITIES = "p50", "p99", "late"
 
 _RATE = "Servo rate [Hz]; may be repeated [1000 4000]."
@@ -103,14 +105,13 @@ def clock(transport: str, until: float = LATER) -> dict:
 def of_looks(looks: np.ndarray) -> dict:
     """Of rows time [s], error [us], steps found: p99 of the error, without a step or after it was found and made good.
 
-    again: how long after the step the error stays below NEAR [s]; None: it never does.
+    again: how long after the step the error is below NEAR for HELD [s]; None: it never is.
     """
     when, error, steps = looks.T
     error = np.abs(error)
     before = (when >= SETTLED) & (when < STEP_AT - APART)
     after = when >= STEP_AT + APART
-    far = np.flatnonzero((when >= STEP_AT) & (when < STEP_AT + 1.0) & (error >= NEAR))
-    good = when[far[-1] + 1] if far.size and far[-1] + 1 < when.size else None
+    good = _near_again(when, (when >= STEP_AT) & (error >= NEAR))
     settled = before | (after & (when >= (np.inf if good is None else good)))
     return {
         "p50": float(np.percentile(error[settled], 50)),
@@ -118,6 +119,15 @@ def of_looks(looks: np.ndarray) -> dict:
         "steps": int(steps[-1]),
         "again": None if good is None else float(good - STEP_AT),
     }
+
+
+def _near_again(when, far):
+    """The first time after a far look that is followed by no other for HELD; None: there is none."""
+    ends = [*when[far], when[-1]]
+    for last, following in itertools.pairwise(ends):
+        if following - last >= HELD:
+            return when[np.searchsorted(when, last, side="right")]
+    return None
 
 
 def table(found: dict) -> str:

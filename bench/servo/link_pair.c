@@ -6,7 +6,6 @@
  * deadline how long after it the sample was in hand [ns], −1: not within half a period.
  */
 #define _GNU_SOURCE
-#include <errno.h>
 #include <fcntl.h>
 #include <netinet/in.h>
 #include <poll.h>
@@ -42,23 +41,16 @@ static int64_t now_ns(void) {
     return now.tv_sec * SECOND + now.tv_nsec;
 }
 
-static struct timespec timespec_of(int64_t time) {
-    struct timespec made = {time / SECOND, time % SECOND};
-    return made;
-}
-
 static void prefer_realtime(int priority) {
-    struct sched_param wanted;
-    memset(&wanted, 0, sizeof wanted);
-    wanted.sched_priority = priority;
+    struct sched_param wanted = {.sched_priority = priority};
     sched_setscheduler(0, SCHED_FIFO, &wanted);
     mlockall(MCL_CURRENT | MCL_FUTURE);
     prctl(PR_SET_TIMERSLACK, 1);
 }
 
 static void wait_until(int file, int64_t time) {
-    int64_t left = time - now_ns();
-    struct timespec wait = timespec_of(left > 0 ? left : 0);
+    int64_t now = now_ns(), left = time > now ? time - now : 0;
+    struct timespec wait = {left / SECOND, left % SECOND};
     struct pollfd asked = {file, POLLIN, 0};
     ppoll(&asked, 1, &wait, NULL);
 }
@@ -129,7 +121,7 @@ static bool awaited(struct line *line, int64_t give_up) {
     struct haptic_header heard;
     for (;;) {
         while (hear(line, &heard, frame)) {
-            if (heard.kind == HAPTIC_SAMPLE && heard.answers == line->sent) {
+            if (heard.answers == line->sent) {
                 return true;
             }
         }
@@ -145,9 +137,8 @@ static void be_host(struct line line, int64_t period, int count, int64_t *waits)
     int64_t deadline = now_ns() + 100 * period; /* the other one has to start */
     announce(&line, deadline, period);
     for (int i = 0; i < count; i++) {
-        struct timespec until = timespec_of(deadline);
-        while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, NULL) == EINTR) {
-        }
+        struct timespec until = {deadline / SECOND, deadline % SECOND};
+        clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, NULL);
         bool came = awaited(&line, deadline + period / 2);
         int64_t now = now_ns();
         waits[i] = came ? now - deadline : -1;
@@ -163,7 +154,7 @@ static bool open_udp(int files[2]) {
         memset(&places[i], 0, sizeof places[i]);
         places[i].sin_family = AF_INET;
         places[i].sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-        files[i] = socket(AF_INET, SOCK_DGRAM, 0);
+        files[i] = socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK, 0);
         if (files[i] < 0 || bind(files[i], (struct sockaddr *)&places[i], size) < 0 ||
             getsockname(files[i], (struct sockaddr *)&places[i], &size) < 0) {
             return false;
@@ -176,9 +167,9 @@ static bool open_udp(int files[2]) {
 /* The host's is a serial line, the device's its other end. */
 static bool open_pty(int files[2]) {
     struct termios line;
-    files[1] = posix_openpt(O_RDWR | O_NOCTTY);
+    files[1] = posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK);
     if (files[1] < 0 || grantpt(files[1]) < 0 || unlockpt(files[1]) < 0 ||
-        (files[0] = open(ptsname(files[1]), O_RDWR | O_NOCTTY)) < 0 || tcgetattr(files[0], &line) < 0) {
+        (files[0] = open(ptsname(files[1]), O_RDWR | O_NOCTTY | O_NONBLOCK)) < 0 || tcgetattr(files[0], &line) < 0) {
         return false;
     }
     cfmakeraw(&line);
@@ -193,9 +184,6 @@ int main(int words, char **word) {
     if (count < 1 || !(rate >= 1.0) || waits == NULL || !(datagrams ? open_udp : open_pty)(files)) {
         perror("link_pair");
         return 1;
-    }
-    for (int i = 0; i < 2; i++) {
-        fcntl(files[i], F_SETFL, O_NONBLOCK);
     }
     pid_t device = fork();
     struct line line = {files[device == 0], 0, datagrams, {0}, 0};

@@ -14,7 +14,7 @@ from numba import types
 
 from haptic_device.jit import kernel, njit
 from haptic_device.link import codec, line
-from haptic_device.realtime import atomic, clock, seqlock, servo_writes, shared_memory
+from haptic_device.realtime import atomic, clock, futex, seqlock, servo_writes, shared_memory
 
 # words of control; FD: of the line, −1: none; the loop writes that where the line is lost
 STOP, FD, RUN_ON, TRIPS, REFUSED, WATCHDOG, DRIVEN, UNSENT, PASSED, ASKS, DATAGRAM = range(11)
@@ -199,6 +199,7 @@ def _pass_on(state, words, control, session, now, m, room):
         room.answer[codec.DRAG : codec.DRAG + 3].view(np.float64),
     )
     shared_memory.write_device(words, room.block, session, latched, status, now, counts, drag, state[codec.DELAY])
+    futex.wake(words, shared_memory.DEVICE_LOCK)
     return m.driven and latched >= m.announced
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from haptic_device.control import faults
 from haptic_device.jit import kernel
-from haptic_device.realtime import atomic, clock
+from haptic_device.realtime import atomic, clock, futex
 
 FOLDER = Path("/dev/shm")
 _FLOCK = "hhqqi4x"  # struct flock of the kernel
@@ -30,7 +30,7 @@ GATE_BYTE = 2  # held by who comes or goes, so that nobody opens a file that ano
 DEVICE_LOCK, DEVICE_FIRST, DEVICE_WORDS = 8, 9, 11  # session, latched, status, alive, counts 3, drag 3, delay
 SERVO_LOCK, SERVO_FIRST, SERVO_WORDS = 32, 33, 8  # session, written, next deadline, period, engaged, motor 3
 WATCHDOG = faults.WATCHDOG  # bit of status: the device has cut the motor; the others are there too
-SPIN, PAUSE = 50_000, 30_000  # [ns] that a sample is looked for without a pause, and a pause after that
+SPIN, PAUSE = 10_000, 30_000  # [ns] that a sample is looked for without a pause; longest pause after that, else woken
 
 
 class SharedMemoryError(OSError):
@@ -177,9 +177,11 @@ def read_device(words, block, deadline, give_up, scratch):
     """Servo side: the sample latched at this deadline into block, waiting for it no longer than give_up [ns].
 
     Returns 1 if the sample is of this deadline, 0 if an older one had to do, −1 if the device left none that is whole.
+    A device that wakes those who wait at DEVICE_LOCK (futex) is heard at once, another one after a pause.
     """
     began = clock.now_ns(scratch)
     while True:
+        seen = atomic.load(words, DEVICE_LOCK)
         turn = atomic.collect(words, DEVICE_LOCK, DEVICE_FIRST, block)
         if turn >= 0 and block[1] >= deadline:
             return 1
@@ -187,4 +189,4 @@ def read_device(words, block, deadline, give_up, scratch):
         if now >= give_up:
             return 0 if turn >= 0 else -1
         if now - began > SPIN:  # whoever brings the sample may need this core: of a serial line it is a kernel thread
-            clock.sleep_until(min(now + PAUSE, give_up), scratch)
+            futex.wait(words, DEVICE_LOCK, seen, min(now + PAUSE, give_up), scratch)

@@ -92,7 +92,7 @@ void host_begin(const struct host_clock *options) {
         sigaction(ENDING[i], &action, NULL);
         sigaddset(&blocked, ENDING[i]);
     }
-    sigprocmask(SIG_BLOCK, &blocked, &while_waiting); /* they come in board_wait_until, and nowhere between */
+    sigprocmask(SIG_BLOCK, &blocked, &while_waiting); /* they come in host_wait_until, and nowhere between */
     for (int i = 0; i < 3; i++) {
         sigdelset(&while_waiting, ENDING[i]);
     }
@@ -214,7 +214,7 @@ void board_write(const uint8_t *bytes, int count) {
     torn = written > 0 && written < count;
 }
 
-void board_wait_until(int64_t time) {
+void host_wait_until(int64_t time) {
     int64_t left = host_monotonic_time(time) - host_monotonic_ns();
     struct timespec wait = {0, 0};
     fd_set files;

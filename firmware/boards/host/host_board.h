@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The line, the clock and the wait of a device that is a process on a POSIX host: five of the ten functions of
- * haptic_board.h (board_now_ns, board_read, board_write, board_answer_sender, board_wait_until).
+ * The line, the clock and the wait of a device that is a process on a POSIX host: four of the ten functions of
+ * haptic_board.h (board_now_ns, board_read, board_write, board_answer_sender), and host_wait_until for a fifth.
  */
 #ifndef HOST_BOARD_H
 #define HOST_BOARD_H
@@ -30,6 +30,9 @@ void host_prefer_realtime(void);
 
 /* SIGTERM when the process that started this one ends, however it ends; on Linux. */
 void host_end_with_parent(void);
+
+/* Returns at this time of the device's clock [ns], earlier when bytes come or a signal does. */
+void host_wait_until(int64_t time);
 
 /* Whether SIGINT, SIGTERM or SIGHUP asks it to end. */
 bool host_ending(void);
