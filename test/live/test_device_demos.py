@@ -3,12 +3,15 @@
 
 import contextlib
 import json
+import math
 import subprocess
+import time
 
 from codec_host import DEVICES, Emulator
 from firmware_builds import FIRMWARE
 from in_process import haptic
 from live_demo import BUSY, demos
+from waiting import until
 
 from haptic_device import yaml_reader
 from haptic_device.description import load_device
@@ -16,8 +19,9 @@ from haptic_device.parameters import LOOPBACK
 from haptic_device.process import ending_with_us
 from haptic_sim.supervision import conformance, reference_device
 
-STEP = 0.5e-3 / 0.05 / 6.283185307179586  # [revolutions] of the knob, half a millimetre of its lever
-HALF_TURNS = 0.0  # [revolutions] where it stands at first
+LEVER = 0.05 * 2.0 * math.pi  # [m] that the end of the knob's lever goes in a revolution
+NUDGE, STEP, DEEP = 0.2e-3, 0.5e-3, -0.025  # [m] to see whether forces act; of the hand; 5 mm into the wall
+EACH = 0.004  # [s] between its steps
 
 
 @contextlib.contextmanager
@@ -42,15 +46,32 @@ def test_the_peg_goes_into_the_hole_with_the_reference_device(tmp_path):
     print(found["energy_j"])
 
 
-def test_a_knob_presses_the_wall_of_a_demo(start, tmp_path):
+class Hand:
+    """Turns the knob into the wall once forces act, and holds it there."""
+
+    def __init__(self, knob):
+        self.knob, self.place, self.nudged, self.most = knob, 0.0, NUDGE, 0.0
+
+    def step(self):
+        torques = [torque for _, torque in self.knob.torques()]
+        self.most = max((abs(torque) for torque in torques), default=0.0)
+        if self.most > 0.0:
+            self.place = max(DEEP, self.place - STEP)
+        self.nudged = -self.nudged if self.most == 0.0 else 0.0
+        self.knob.order(f"1 turn {(self.place + self.nudged) / LEVER!r}")
+        time.sleep(EACH)
+
+
+def test_a_knob_presses_the_wall_of_a_demo_and_the_drives_last_word_is_no_torque(start, tmp_path):
     knob = Emulator(start, "moteus", tmp_path / "log", 1)
     content = yaml_reader.load(DEVICES / "moteus_knob.yaml")
     content["link"] |= {"port": knob.port}
     (tmp_path / "knob.yaml").write_text(yaml_reader.dump(content))
+    hand = Hand(knob)
     with demos(tmp_path) as demo:
         run = demo("--device", str(tmp_path / "knob.yaml"), "--seconds", "3", "--rate", "1000", "--json", scene="wall")
-        code = run.ended()
-    print(code, run.progress, run.said)
+        until(lambda: run.process.poll() is not None, "the end of the demo", hand.step)
+    print(run.process.returncode, run.progress, run.said, hand.most)
     assert knob.torques()[-1][1] == 0.0
 
 
