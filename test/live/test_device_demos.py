@@ -14,10 +14,11 @@ from waiting import until
 
 from haptic_device import yaml_reader
 from haptic_device.description import load_device
-from haptic_device.parameters import LOOPBACK
+from haptic_device.parameters import DRIVER, LOOPBACK
 from haptic_device.process import ending_with_us
 from haptic_sim.supervision import conformance, reference_device
 
+BUDGET = next(parameter.default for parameter in DRIVER if parameter.name == "passivity.budget")  # [J]
 LEVER = 0.05 * 2.0 * math.pi  # [m] that the end of the knob's lever goes in a revolution
 NUDGE, STEP, DEEP = 0.2e-3, 0.3e-3, -0.021  # [m] to see whether forces act; of the hand; 1 mm into the wall
 EACH = 0.004  # [s] between its steps
@@ -42,7 +43,7 @@ def test_the_peg_goes_into_the_hole_with_the_reference_device(tmp_path):
         assert run.ended() == 0, run.progress + run.said
     found = found_of(run)
     assert found["done"] and found["faults"] == [] and found["result"]["insertion_fraction"] >= 0.95
-    print(found["energy_j"])
+    assert found["energy_j"]["given_to_operator_max"] <= BUDGET
 
 
 class Hand:
@@ -71,7 +72,6 @@ def test_a_knob_presses_the_wall_of_a_demo_and_the_drives_last_word_is_no_torque
     assert run.process.returncode == 0, run.progress + run.said
     found = found_of(run)
     assert found["done"] and found["faults"] == [] and found["contact"]["max_force_n"] > 0.1
-    print(found)
     assert knob.torques()[-1][1] == 0.0
 
 

@@ -7,6 +7,10 @@ import subprocess
 from firmware_builds import FIRMWARE
 from live_demo import BUSY, demos
 
+from haptic_device.parameters import DRIVER
+
+BUDGET = next(parameter.default for parameter in DRIVER if parameter.name == "passivity.budget")  # [J]
+
 
 def found_of(run):
     assert run.ended() == 0, run.progress + run.said
@@ -17,7 +21,7 @@ def test_the_peg_goes_into_the_hole_with_the_reference_device_on_a_terminal(tmp_
     with demos(tmp_path) as demo:
         found = found_of(demo("--device", "reference_pty", "--json", *BUSY))
     assert found["done"] and found["faults"] == [] and found["result"]["insertion_fraction"] >= 0.95
-    assert found["energy_j"]["given_to_operator_max"] == 0.0
+    assert found["energy_j"]["given_to_operator_max"] <= BUDGET
 
 
 def test_a_demo_runs_on_a_device_that_a_process_of_ones_own_serves(ros_domain, start, tmp_path):
