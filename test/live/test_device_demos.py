@@ -3,21 +3,25 @@
 
 import contextlib
 import json
+import math
 import subprocess
+import time
 
 from codec_host import DEVICES, Emulator
-from firmware_builds import FIRMWARE
 from in_process import haptic
 from live_demo import BUSY, demos
+from waiting import until
 
 from haptic_device import yaml_reader
 from haptic_device.description import load_device
-from haptic_device.parameters import LOOPBACK
+from haptic_device.parameters import DRIVER, LOOPBACK
 from haptic_device.process import ending_with_us
 from haptic_sim.supervision import conformance, reference_device
 
-STEP = 0.5e-3 / 0.05 / 6.283185307179586  # [revolutions] of the knob, half a millimetre of its lever
-HALF_TURNS = 0.0  # [revolutions] where it stands at first
+BUDGET = next(parameter.default for parameter in DRIVER if parameter.name == "passivity.budget")  # [J]
+LEVER = 0.05 * 2.0 * math.pi  # [m] that the end of the knob's lever goes in a revolution
+NUDGE, STEP, DEEP = 0.2e-3, 0.3e-3, -0.021  # [m] to see whether forces act; of the hand; 1 mm into the wall
+EACH = 0.004  # [s] between its steps
 
 
 @contextlib.contextmanager
@@ -39,31 +43,36 @@ def test_the_peg_goes_into_the_hole_with_the_reference_device(tmp_path):
         assert run.ended() == 0, run.progress + run.said
     found = found_of(run)
     assert found["done"] and found["faults"] == [] and found["result"]["insertion_fraction"] >= 0.95
-    print(found["energy_j"])
+    assert found["energy_j"]["given_to_operator_max"] <= BUDGET
 
 
-def test_a_knob_presses_the_wall_of_a_demo(start, tmp_path):
+class Hand:
+    """Turns the knob into the wall once forces act, and holds it there."""
+
+    def __init__(self, knob):
+        self.knob, self.place, self.nudged, self.felt = knob, 0.0, NUDGE, False
+
+    def step(self):
+        self.felt = self.felt or any(torque for _, torque in self.knob.torques())
+        self.place = max(DEEP, self.place - STEP) if self.felt else self.nudged
+        self.nudged = -self.nudged
+        self.knob.order(f"1 turn {self.place / LEVER!r}")
+        time.sleep(EACH)
+
+
+def test_a_knob_presses_the_wall_of_a_demo_and_the_drives_last_word_is_no_torque(start, tmp_path):
     knob = Emulator(start, "moteus", tmp_path / "log", 1)
     content = yaml_reader.load(DEVICES / "moteus_knob.yaml")
     content["link"] |= {"port": knob.port}
     (tmp_path / "knob.yaml").write_text(yaml_reader.dump(content))
+    hand = Hand(knob)
     with demos(tmp_path) as demo:
         run = demo("--device", str(tmp_path / "knob.yaml"), "--seconds", "3", "--rate", "1000", "--json", scene="wall")
-        code = run.ended()
-    print(code, run.progress, run.said)
+        until(lambda: run.process.poll() is not None, "the end of the demo", hand.step)
+    assert run.process.returncode == 0, run.progress + run.said
+    found = found_of(run)
+    assert found["done"] and found["faults"] == [] and found["contact"]["max_force_n"] > 0.1
     assert knob.torques()[-1][1] == 0.0
-
-
-def test_a_process_of_ones_own_presses_the_wall_of_a_demo(ros_domain, start, tmp_path):
-    program = tmp_path / "own_device"
-    source = FIRMWARE / "examples/own_device.c"
-    subprocess.run(["cc", "-std=c99", "-O2", "-o", program, source], check=True)
-    device = start([program, str(ros_domain)], stdout=subprocess.PIPE)
-    assert device.stdout.readline().startswith(f"own_device: serves /dev/shm/haptic_display.{ros_domain}.haptic")
-    with demos(tmp_path) as demo:
-        run = demo("--device", "own_device", "--seconds", "3", "--json", scene="wall")
-        code = run.ended()
-    print(code, run.progress, run.said)
 
 
 def test_the_reference_device_keeps_every_promise_behind_its_bridge():
@@ -84,5 +93,5 @@ def test_a_reference_device_is_found_by_its_greeting_with_the_line_for_its_descr
         ended = haptic("device", "find", "--udp", f"127.0.0.1:{port}", "--json")
     found = json.loads(ended.stdout)["found"][-1]
     assert ended.returncode == 0, ended.stderr
-    assert found["answer"] == "reference_udp: a device with 3 axes, firmware 1.0.0, watchdog 15 ms"
+    assert found["answer"] == "reference_udp: a simulated device with 3 axes, firmware 1.0.0, watchdog 15 ms"
     assert found["link"] == {"type": "udp", "host": "127.0.0.1", "port": port}
