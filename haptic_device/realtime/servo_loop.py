@@ -73,7 +73,6 @@ def run_realtime(
     period = np.int64(round(settings[0].period * 1e9))
     deadline = clock.now_ns(scratch) + period
     write(memory_of_link, deadline - period, deadline, period, 0, zero)
-    fresh = np.int64(1)
     atomic.store(control, ATTENDED, deadline)
     atomic.store(control, RUNNING, 1)
     while atomic.load(control, STOP) == 0:
@@ -82,9 +81,8 @@ def run_realtime(
         woke = clock.now_ns(scratch)
         late = (woke - deadline) // period
         missed, deadline = missed + late, deadline + late * period
-        patience = period // 2 if fresh else period // 16  # a device that is gone must not keep the processor busy
-        # the device may be late itself; the servo waits for it a little
-        fresh = read(memory_of_link, deadline, deadline + patience, sample)
+        # the device may be late itself; the servo waits for it a little, also where the sample before came too late
+        fresh = read(memory_of_link, deadline, deadline + period // 2, sample)
         began = clock.now_ns(scratch)
         settings_turn = _take(control, settings_mail, settings_staged, settings_words, settings_turn)
         tool_turn = _take(control, tool_mail, tool_staged, tool_words, tool_turn)
