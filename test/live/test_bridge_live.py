@@ -242,8 +242,8 @@ def test_a_bridge_that_is_stopped_pushes_nobody_when_it_goes_on(rig):
 
 
 def test_where_nothing_passes_any_more_the_device_cuts_by_itself_and_afterwards_all_works_again(rig):
-    rig.press()
     before = rig.counted("sessions")
+    rig.press()
     rig.cable.told("hold")
     seen = rig.judge()
     assert any(seen["motors"])
@@ -258,8 +258,8 @@ def test_where_nothing_passes_any_more_the_device_cuts_by_itself_and_afterwards_
 
 @pytest.mark.parametrize("rig", ["serial"], indirect=True)
 def test_a_line_that_is_unplugged_and_plugged_in_again_is_opened_again_at_the_same_path(rig):
-    rig.press()
     before = rig.counted("sessions"), rig.counted("reopened")
+    rig.press()
     rig.cable.told("close")
     rig.judge()
     rig.falls("device_silent")
@@ -271,8 +271,8 @@ def test_a_line_that_is_unplugged_and_plugged_in_again_is_opened_again_at_the_sa
 
 
 def test_a_device_that_dies_is_said_and_one_that_is_started_in_its_place_works_after_a_reset(rig):
-    rig.press()
     before = rig.counted("sessions"), rig.counted("reopened")
+    rig.press()
     rig.device.end()
     rig.falls("device_silent")
     if rig.kind == "udp":
