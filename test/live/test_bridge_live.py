@@ -144,9 +144,9 @@ class Rig:
 
     def _pressed(self):
         ear = self.ear
-        begin = len(ear.said.setdefault("haptic_driver", []))
         ear.go_to(FREE)
         ear.cleared()
+        begin = len(ear.said.setdefault("haptic_driver", []))
         ear.trigger("enable")
         state = ear.until(lambda: _state(ear.said["haptic_driver"][begin:], "engaged", "fault"), "it is engaged")
         if state == "fault":
@@ -161,7 +161,8 @@ class Rig:
         return self.pushes()
 
     def judge(self):
-        """Waits until the device has no command any more; judges that its motor was cut in time, and stays so."""
+        """Waits until the device has no command any more; judges that its motor was cut in time. What the
+        cable has seen."""
         seen = self.ear.until(lambda: (told := self.cable.told())["cut"] and told, "the device's own watchdog has cut")
         changes = self.motor()
         zero = changes[-1]
@@ -202,6 +203,7 @@ def test_a_driver_that_ends_leaves_the_motor_at_zero(rig, number):
     seen = rig.judge()
     assert not any(seen["motors"])  # the bridge took it back
     assert rig.ended("haptic_driver") == (-number if number == signal.SIGKILL else 0)
+    assert rig.motor()[-1][1] == 0.0
 
 
 def test_a_driver_that_is_stopped_pushes_nobody_when_it_goes_on(rig):
@@ -240,8 +242,8 @@ def test_a_bridge_that_is_stopped_pushes_nobody_when_it_goes_on(rig):
 
 
 def test_where_nothing_passes_any_more_the_device_cuts_by_itself_and_afterwards_all_works_again(rig):
-    rig.press()
     before = rig.counted("sessions")
+    rig.press()
     rig.cable.told("hold")
     seen = rig.judge()
     assert any(seen["motors"])
@@ -256,8 +258,8 @@ def test_where_nothing_passes_any_more_the_device_cuts_by_itself_and_afterwards_
 
 @pytest.mark.parametrize("rig", ["serial"], indirect=True)
 def test_a_line_that_is_unplugged_and_plugged_in_again_is_opened_again_at_the_same_path(rig):
-    rig.press()
     before = rig.counted("sessions"), rig.counted("reopened")
+    rig.press()
     rig.cable.told("close")
     rig.judge()
     rig.falls("device_silent")
@@ -269,8 +271,8 @@ def test_a_line_that_is_unplugged_and_plugged_in_again_is_opened_again_at_the_sa
 
 
 def test_a_device_that_dies_is_said_and_one_that_is_started_in_its_place_works_after_a_reset(rig):
-    rig.press()
     before = rig.counted("sessions"), rig.counted("reopened")
+    rig.press()
     rig.device.end()
     rig.falls("device_silent")
     if rig.kind == "udp":
