@@ -8,7 +8,6 @@
 
 enum { UNASKED = 1000000 };                     /* [ns] between samples that nobody has asked for */
 enum { LONGEST_PERIOD = 10000000 };             /* [ns] of commands */
-static const int64_t LONGEST_PAST = 1000000000; /* [ns] of a deadline */
 static const uint16_t LATCHING = HAPTIC_ESTOP | HAPTIC_HOT | HAPTIC_BROKEN_ENCODER;
 
 static void cut(struct haptic *device, int64_t now) {
@@ -192,7 +191,7 @@ static bool sensible(const struct haptic *device, const float motors[3], int64_t
     int64_t ahead = 2 * period > device->description.watchdog ? 2 * period : device->description.watchdog;
     return isfinite(motors[0]) && isfinite(motors[1]) && isfinite(motors[2]) &&
            period > 0 && period >= device->description.shortest_period && period <= LONGEST_PERIOD &&
-           deadline >= now - LONGEST_PAST && deadline <= now + ahead;
+           deadline >= now - (int64_t)device->description.watchdog && deadline <= now + ahead;
 }
 
 /* Within the device's limits, 0 for axes that are not there; says whether an axis that is there wanted more. */
