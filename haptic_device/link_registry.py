@@ -68,7 +68,18 @@ class Link(Part):
     @property
     def module(self) -> ModuleType:
         """The module of a link on a line."""
-        return importlib.import_module(LINKS[self.type])
+        return _module(self.type)
+
+
+def _module(name: str) -> ModuleType:
+    """The module of a link on a line. Raises ValueError where it is not there, or has not what the bridge needs."""
+    try:
+        module = importlib.import_module(LINKS[name])
+    except ModuleNotFoundError as error:
+        raise ValueError(f"type {name} is {LINKS[name]} in the registry of links: {error}") from None
+    if missing := [part for part in ("Options", "codec", "compiled") if not hasattr(module, part)]:
+        raise ValueError(f"type {name}: {LINKS[name]} has no {', '.join(missing)}")
+    return module
 
 
 def _none_of(name: Any, known: str) -> str:
@@ -76,7 +87,7 @@ def _none_of(name: Any, known: str) -> str:
 
 
 def _options(name: str, told: dict[str, Any]) -> Part:
-    kind = importlib.import_module(LINKS[name]).Options
+    kind = _module(name).Options
     try:
         return kind.model_validate(told)
     except ValidationError as error:

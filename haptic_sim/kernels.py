@@ -2,6 +2,7 @@
 """What is compiled in advance (haptic_device/jit.py): each entry is a short run of what a node or a command runs."""
 
 import importlib
+import sys
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from haptic_device.device import axis_rerun, loopback_config, operator_hand, sim
 from haptic_device.link import bridge_loop
 from haptic_device.link_registry import LINKS
 from haptic_device.message_fields import LOCAL_CONTACT, MOST, exchange_names
+from haptic_device.os_errors import in_words
 from haptic_device.parameter_types import defaults
 from haptic_device.realtime import (
     clock,
@@ -40,6 +42,7 @@ from haptic_sim.scene.language import load
 
 DEVICE = "desktop"
 FREE, JOINTED, IN_CLOSED_FORM = "push_block", "ratchet", "wall"  # a scene of each kind
+LONGEST = 500  # characters of why a link cannot be compiled
 TIME = 1e-3  # [s] that a run lasts, and a sub-step
 
 
@@ -67,8 +70,14 @@ def loopback_plant():
 def bridge():
     """The bridge's loop, and the codec of each link."""
     bridge_loop.compiled()
-    for module in LINKS.values():
-        importlib.import_module(module).compiled()
+    for name, module in LINKS.items():
+        try:
+            importlib.import_module(module).compiled()
+        except Exception as error:  # of one link: the others are compiled all the same
+            print(
+                f"link {name} ({module}) cannot be compiled: {type(error).__name__}: {in_words(error)[:LONGEST]}",
+                file=sys.stderr,
+            )
 
 
 def exchange_of_the_driver():

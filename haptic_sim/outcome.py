@@ -19,6 +19,7 @@ from haptic_device.analysis.report.summary import (
     waited_time,
     withheld_figures,
 )
+from haptic_device.control.faults import FRESH
 from haptic_device.recording.bag_contents import Recording
 from haptic_device.status import number
 from haptic_sim.exchange.left_out_time import CHEAPER, NOTICED, QUIETER, SHARE, takes
@@ -27,6 +28,7 @@ from haptic_sim.fault_sentence import FAULTS, what_to_do
 GOALS = ("insertion_fraction", "arrived")  # measures that say of themselves whether the job was done
 REACHED = 0.95  # of a goal
 ANSWERED = 0.9  # of the handle samples sent, for scenes without a goal of their own
+LATE = 0.01  # share of the samples that may come late without a word
 _NOTHING = ("servo", "exchange", "simulation", "withheld_s", "energy_j", "contact", "report", "startup_s")
 
 
@@ -37,11 +39,13 @@ def figures(recording: Recording, started: float, lossy: bool = False) -> dict:
     Raises ValueError if the bag lacks what the figures are read from.
     """
     rows = engaged_rows(recording.trace)
-    servo, exchange, waited = servo_figures(rows), exchange_figures(recording, rows), waited_time(recording)
+    servo = servo_figures(rows) | {"late_device": int(np.sum(rows["device_status"].astype(np.int64) & FRESH == 0))}
+    exchange, waited = exchange_figures(recording, rows), waited_time(recording)
     seconds = float(rows["deadline"][-1] - rows["deadline"][0]) * 1e-9
     driver, simulation = (recording.last_values(node) for node in ("haptic_driver", "haptic_simulation"))
     return {
         "seconds": seconds,
+        "late": late(servo, driver),
         "servo": servo | {"realtime": driver.get("realtime")},
         "exchange": exchange | {"cause": "" if lossy else cause(servo, exchange, _load(recording), waited, seconds)},
         "simulation": {name: simulation.get(name) for name in ("method", "why")} | {"waited_s": waited},
@@ -59,7 +63,22 @@ def figures(recording: Recording, started: float, lossy: bool = False) -> dict:
 def nothing() -> dict:
     """The same keys for a run that left no figures."""
     none = {**dict.fromkeys(_NOTHING), "residual": None}
-    return {"seconds": 0.0, **none, "result": {}, "result_greatest": {}, "faults": []}
+    return {"seconds": 0.0, "late": "", **none, "result": {}, "result_greatest": {}, "faults": []}
+
+
+def late(servo: dict, driver: dict[str, str]) -> str:
+    """That the device's samples come late, and whether its damping bears it, a sentence; "" if they do not.
+
+    driver: the last values of its diagnostics.
+    """
+    share = servo["late_device"] / max(1, servo["ticks"] or 0)
+    margin, lateness = number(driver.get("passivity_margin", "")), number(driver.get("lateness_counted_us", ""))
+    if not share > LATE:
+        return ""
+    said = f"{100 * share:.0f} % of its samples came after half a period"
+    if margin < 0.0:
+        said += f"; forces act {lateness * 1e-3:.3g} ms late, for which {-margin:.3g} N s/m of damping are missing"
+    return f"the device is late: {said}; take a lower --rate or softer gains, and see haptic status"
 
 
 def cause(servo: dict, exchange: dict, load: float, waited: float | None, seconds: float) -> str:

@@ -13,9 +13,10 @@ it, `compiled()`, its two functions, and `codec(options, device)`, its Codec; ha
   are done with; 0: more have to come. answer[KIND] says what they were: NOTHING, SAMPLE or TRUTH. Called again while it
   consumes. A datagram is given alone, and what it leaves is dropped.
 
-Events: OPENED, the line is new: forget the device, say hello. COMMAND, the servo has written. DUE, the deadline that it
-announced has come: a device that only answers requests is asked now. CUT: motor zero, the servo is silent or ends; sent
-several times at an end, so that it is the last word. IDLE: each 5 ms. TARGET: where a simulated device's hand goes.
+Events, also while READY is 0: OPENED, the line is new: forget the device, say hello. COMMAND, the servo has written.
+DUE, the deadline that it announced has come: a device that only answers requests is asked now. CUT: motor zero, the
+servo is silent or ends; sent several times at an end, so that it is the last word. IDLE: each 5 ms, with a servo and
+without. TARGET: where a simulated device's hand goes.
 
 All times of an answer are the host's. Counts are unwrapped. SAMPLE: LATCHED is never before the deadline that the
 sample is of, and never older than the sample before.
@@ -46,7 +47,7 @@ REFUSED = 5  # frames dropped: wrong CRC, length, version, session, sequence, co
 LOST = 6  # deadlines of commands whose samples never came
 SESSIONS = 7  # greetings of new sessions
 TEMPERATURE = 8  # [0.1 °C], NO_TEMPERATURE: not measured
-PERIOD_LEAST, WATCHDOG, AXES, FIRMWARE = 9, 10, 11, 12  # what the device says of itself; 0: unknown
+PERIOD_LEAST, WATCHDOG, AXES, FIRMWARE = 9, 10, 11, 12  # what the device says of itself, times in ns; 0: unknown
 CLOCK_STEPS = 13  # steps of the device's clock that were found
 SIMULATED = 14  # 1: it takes targets and tells truths
 DELAY_MEAN = 15  # [ns] from the servo's write to the motor's effect, on average

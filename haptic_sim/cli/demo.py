@@ -22,7 +22,7 @@ from haptic_sim.node_parameters import NODES
 from haptic_sim.supervision.domain import isolated_domain
 from haptic_sim.supervision.prepare import prepare, promise, value_of
 from haptic_sim.supervision.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible, undisturbed
-from haptic_sim.supervision.system import Order, Relay, led_by_hand, programs_of
+from haptic_sim.supervision.system import Order, Relay, is_served_by_others, led_by_hand, programs_of
 
 _DELAY = "Round trip added between driver and simulation by a relay [ms]."
 _SCENE = "A name in config/scenes or a YAML file [that of --params, or peg_in_hole]."
@@ -108,6 +108,8 @@ def _play(order: Order, programs: list[Program]) -> str:
     """Why the run did not end as asked, or ""."""
     if order.seconds is None and not led_by_hand(programs):
         raise ValueError("no hand is simulated at this device, whose motion would end the run; write --seconds")
+    if is_served_by_others(programs) and not os.environ.get("ROS_DOMAIN_ID"):
+        raise ValueError("a program of your own serves this device: export ROS_DOMAIN_ID=N where it runs, and here")
     prepare(programs)
     if unkept := promise(programs):
         print(f"haptic demo: {unkept}", file=sys.stderr)
@@ -136,6 +138,11 @@ def _once(order: Order, programs: list[Program]):
         for program in programs:
             nodes.start(program)
         print(f"haptic demo: haptic status --domain {domain} shows more; space is the e-stop", file=sys.stderr)
+        if is_served_by_others(programs):
+            from haptic_device.realtime.shared_memory import FOLDER, file_name  # it loads the compiler
+
+            page = FOLDER / file_name(domain, NAMESPACE)
+            print(f"haptic demo: the device's own program has to serve {page}, before or after this", file=sys.stderr)
         return _follow(order.seconds, domain, nodes)
 
 
@@ -213,6 +220,8 @@ def _conclude(order: Order, found: dict, unended: str, wrong: list[str], as_json
         print(f"haptic demo: {said}", file=sys.stderr)
     if cause := (found["exchange"] or {}).get("cause"):
         print(f"haptic demo: {cause}", file=sys.stderr)
+    if found["late"]:
+        print(f"haptic demo: {found['late']}", file=sys.stderr)
     found = {"scene": order.scene, "done": not why, "why": why, **found, "bag": str(bag) if bag.exists() else None}
     print(json_text.dumps(found)) if as_json else print_outcome(found)
     return not why

@@ -34,6 +34,8 @@ def print_outcome(found: dict) -> None:
         console.print(Text(f"not done because {found['why']}"), soft_wrap=True)
     if cause := (found["exchange"] or {}).get("cause"):
         console.print(Text(cause), soft_wrap=True)
+    if found["late"]:
+        console.print(Text(found["late"]), soft_wrap=True)
     for name in ("bag", "report"):
         console.print(f"{name:8}{found[name] or 'none'}", soft_wrap=True, highlight=False)
 
@@ -49,7 +51,7 @@ def _lines(found: dict):
     for name, value in found.items():
         if isinstance(value, dict):
             yield from ((f"{name} {inner}", text) for inner, text in _lines(value))
-        elif name not in ("scene", "done", "why", "cause", "bag", "report"):
+        elif name not in ("scene", "done", "why", "cause", "late", "bag", "report"):
             yield name, _text(value)
 
 

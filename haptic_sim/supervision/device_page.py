@@ -2,6 +2,7 @@
 """The servo's side of a device page for a tool: of a device that runs, or of one that is started for it."""
 
 import contextlib
+import os
 import secrets
 import tempfile
 import time
@@ -13,9 +14,10 @@ import numpy as np
 
 from haptic_device import ros_environment
 from haptic_device.config_files import find
+from haptic_device.description import load_device
 from haptic_device.realtime import clock, shared_memory
 from haptic_device.realtime.hardware_interface import SAMPLE, SharedMemoryInterface
-from haptic_sim.supervision.device_programs import device_programs
+from haptic_sim.supervision.device_programs import device_node, device_programs
 from haptic_sim.supervision.domain import isolated_domain
 from haptic_sim.supervision.prepare import prepare
 from haptic_sim.supervision.processes import NAMESPACE, Nodes
@@ -46,12 +48,17 @@ def opened(name: str, domain: int | None, namespace: str | None) -> Iterator[Sha
     The device answers when this yields. Raises ValueError, OSError where a driver holds the page, NodeDiedError.
     """
     with contextlib.ExitStack() as stack:
-        check, patience = dict, ANSWERS
+        check, patience, own = dict, ANSWERS, os.environ.get("ROS_DOMAIN_ID")
+        if own and name and device_node(load_device(name)) == "":
+            domain = ros_environment.domain() if domain is None else domain
         if domain is None and namespace is None:
             logs = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="haptic_")))
             programs = device_programs(str(Path(find("devices", name)).absolute()), HAND, logs)
             if not programs:
-                raise ValueError(f"device {name} is served by a program of your own: start it, and give its --domain")
+                raise ValueError(
+                    f"device {name} is served by a program of your own: "
+                    "start it, and give its --domain or ROS_DOMAIN_ID"
+                )
             domain = stack.enter_context(isolated_domain(logs))
             nodes = stack.enter_context(Nodes(logs))
             prepare(programs)

@@ -96,7 +96,7 @@ class _Run:
 
 def _line(client: Client) -> str:
     insertion = number(client.said("haptic_simulation", "result.insertion_fraction"))
-    parts = [f"motor {client.motor_force:6.2f} N"]
+    parts = [f"motor {client.motor_force:6.2f} N"] if client.truth else []
     if withheld := client.said("haptic_driver", "withheld"):
         parts.append(f"force withheld for {client.said('haptic_driver', 'withheld_s')} s: {withheld}")
     if math.isfinite(insertion):

@@ -90,6 +90,11 @@ def led_by_hand(programs: list) -> bool:
     return any(program.name in (LOOPBACK, REFERENCE) for program in programs)
 
 
+def is_served_by_others(programs: list) -> bool:
+    """Whether the device's page is served by none of the programs, but by one of the user's own."""
+    return not any(program.name in MODULES for program in programs)
+
+
 def _default_device() -> str:
     return next(parameter.default for parameter in NODES[LOOPBACK] if parameter.name == "device")
 

@@ -810,7 +810,8 @@ def test_who_serves_a_described_device_is_told_by_its_link(tmp_path):
     assert bridge[:3] == ("haptic_bridge", "haptic_device.nodes.bridge", {"device": "haply_2diy"})
 
 
-def test_what_a_users_program_serves_is_left_to_it():
+def test_what_a_users_program_serves_is_left_to_it(monkeypatch):
+    monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
     refused = "device own_device is served by a program of your own: start it, and give its --domain"
     with pytest.raises(ValueError, match=refused), device_page.opened("own_device", None, None):
         pass

@@ -121,7 +121,7 @@ def heard_all(descriptor, buffer, count):
     while have < count:
         now = time.monotonic_ns()
         line.wait(descriptor, now + 1000 * MS, now, scratch)
-        came = line.receive(descriptor, buffer, have)
+        came = line.receive(descriptor, buffer, have, False)
         assert came >= 0
         have += came
     return buffer[:have].tobytes()
@@ -129,9 +129,9 @@ def heard_all(descriptor, buffer, count):
 
 def test_a_line_without_bytes_is_not_lost_and_one_without_a_device_is(terminal, opened):
     buffer = np.zeros(8, np.uint8)
-    assert line.receive(opened, buffer, 0) == 0
+    assert line.receive(opened, buffer, 0, False) == 0
     terminal.unplug()
-    assert line.receive(opened, buffer, 0) == line.LOST
+    assert line.receive(opened, buffer, 0, False) == line.LOST
     assert not line.send(opened, buffer, 8)
 
 
@@ -144,7 +144,7 @@ def test_a_wait_ends_when_a_byte_is_there_and_without_one_not_before_its_time(te
     os.write(terminal.far, b"x")
     heard = np.zeros(8, np.uint8)
     line.wait(opened, time.monotonic_ns() + 3_600_000 * MS, time.monotonic_ns(), scratch)  # else it never ends
-    assert line.receive(opened, heard, 0) == 1 and heard[0] == ord("x")
+    assert line.receive(opened, heard, 0, False) == 1 and heard[0] == ord("x")
 
 
 def test_a_udp_peer_that_is_not_there_yet_is_not_lost():
@@ -153,7 +153,7 @@ def test_a_udp_peer_that_is_not_there_yet_is_not_lost():
         port = free.getsockname()[1]
     descriptor, buffer = line.open_udp(UdpOptions(port=port)), np.zeros(8, np.uint8)
     line.send(descriptor, buffer, 8)
-    assert line.receive(descriptor, buffer, 0) == 0
+    assert line.receive(descriptor, buffer, 0, True) == 0
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
         peer.bind(("127.0.0.1", port))
         peer.settimeout(60.0)

@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a device description may say of its link, and how the bridge's `port` points it elsewhere."""
 
+import sys
+
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_device.config_files import ConfigError
 from haptic_device.description import load_device, parse
-from haptic_device.link import haply, moteus, open_serial, open_udp
-from haptic_device.link_registry import LINKS, SERVED
-from haptic_device.nodes.bridge import address, pointed
+from haptic_device.link import codec, haply, moteus, open_serial, open_udp
+from haptic_device.link_registry import LINKS, SERVED, Link
+from haptic_device.nodes.bridge import address, contradictions, pointed
 
 AXIS = {"name": "x", "counts_per_unit": 1000.0, "motor_limit": 2.0, "workspace": [-1.0, 1.0], "velocity_limit": 1.0}
 AXIS |= {"mass": 0.1, "damping": 1.0}
@@ -161,3 +164,33 @@ def test_any_text_is_a_udp_port_or_refused(port):
         assert "\n" not in str(refused)
     else:
         assert 1 <= there.port <= 65535 and there.host
+
+
+def test_a_device_that_contradicts_its_description_is_told_in_what():
+    device, state = load_device("reference_udp"), np.zeros(codec.OWN, np.int64)
+    state[codec.AXES], told = 3, state[codec.TOLD : codec.TOLD + 6].view(np.float64)
+    told[:] = 200000.0, 200000.0, 40000.0, 15.0, 15.0, 1.0
+    assert list(contradictions(state, device)) == []
+    told[:] = 0.0  # it does not say
+    assert list(contradictions(state, device)) == []
+    told[:] = 200000.0, 200300.0, 40000.0, 14.9, 16.0, 1.0
+    assert list(contradictions(state, device)) == [
+        "axis x takes motor values up to 14.9, its description gives up to 15",
+        "axis y has 200300 counts per unit, its description 200000",
+    ]
+    state[codec.AXES] = 2
+    assert next(contradictions(state, device)) == "the device has 2 axes, its description 3"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [(None, "No module named 'not_there'"), ("", "has no Options, codec, compiled")]
+)
+def test_a_link_whose_file_is_not_there_or_is_not_whole_is_refused_in_one_sentence(monkeypatch, tmp_path, text, said):
+    if text is not None:
+        (tmp_path / "not_there.py").write_text(text)
+        monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "not_there", raising=False)
+    monkeypatch.setitem(LINKS, "mine", "not_there")
+    with pytest.raises(ValueError, match=said) as refused:
+        Link.model_validate({"type": "mine", "port": "/dev/null"})
+    assert "type mine" in str(refused.value)

@@ -255,3 +255,19 @@ def test_the_most_that_a_refusal_names_is_taken_with_cancellation_before_it_howe
 
     most = float(re.search(r"the device has 3: at most (\d+) N/m", refused(90000.0))[1])
     assert refused(0.999 * most) == "" and refused(1.01 * most)
+
+
+def test_books_follow_a_links_delay_that_is_longer_than_described_and_small_changes_wait():
+    described = SimpleNamespace(sensing_delay=0.0, actuation_delay=50e-6)
+    told, put = iter([0.0, 60e-6, 75e-6, 100e-6, 1.0]), []
+    hardware = SimpleNamespace(delay=lambda: next(told))
+    driver = SimpleNamespace(device=described, hardware=hardware, _delay=50e-6, _version=3)
+    driver.values, driver.servo = values("haptic_driver", servo__rate=1000.0), SimpleNamespace(set=put.append)
+    driver._settings = lambda values, version: controller_config.settings_from(device(0.8), values, version)
+    driver.lateness = lambda: driver._delay
+    followed = []
+    for _ in range(5):
+        DriverNode._follow_delay(driver)
+        followed.append((driver._delay, driver._version))
+    assert followed == [(50e-6, 3), (50e-6, 3), (50e-6, 3), (100e-6, 4), (controller_config.MOST_LATE / 1000.0, 5)]
+    assert [int(one["version"][0]) for one in put] == [4, 5]

@@ -126,3 +126,14 @@ def test_the_report_says_how_long_the_world_waited_or_that_it_was_not_said(tmp_p
     assert sections(read_run(bag))["Exchange"][told] == MISSING
     monkeypatch.setitem(SAID, "waited_s", "0.34")
     assert sections(read_run(write_run(tmp_path / "new", swing(2000))))["Exchange"][told] == "0.34 s"
+
+
+@pytest.mark.parametrize(
+    ("late", "margin", "words"), [(10, "-1.0", ()), (11, "0.5", ("1 %",)), (500, "-1.5", ("50 %", "1.5 N s/m"))]
+)
+def test_samples_that_come_late_are_said_beyond_one_in_a_hundred(late, margin, words):
+    said = outcome.late(
+        {"late_device": late, "ticks": 1000}, {"passivity_margin": margin, "lateness_counted_us": "2000"}
+    )
+    assert bool(said) == bool(words) and all(word in said for word in words)
+    assert ("2 ms" in said) == (margin == "-1.5")
