@@ -45,6 +45,7 @@ def unstuffed(coded):
     data, at = b"", 0
     while at < len(coded):
         length = coded[at]
+        assert length, "a 0 is the end of a frame, and none of its bytes"
         data += coded[at + 1 : at + length]
         at += length
         data += b"\0" if length < 255 and at < len(coded) else b""

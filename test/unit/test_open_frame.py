@@ -663,7 +663,7 @@ def test_of_100_000_frames_in_all_that_were_damaged_none_is_taken(stream):
 def asked_on(stream, host, now):
     """As asked, on a line of either kind."""
     data = host.write(now, now + MS)
-    data = unpacked(unstuffed(data[:-1]) if stream else data)
+    data = unpacked(unstuffed(data[1:-1]) if stream else data)
     return dict(answers=data[3]), struct.unpack("<q", data[5][:8])[0]
 
 
