@@ -13,6 +13,7 @@ from haptic_device.jit import kernel, njit
 from haptic_device.realtime import atomic, clock, hardware_interface, seqlock
 
 STOP, COMMAND, RUNNING, LATE_DEVICE, TORN, ATTENDED, CONTROLS = 0, 1, 2, 3, 4, 5, 8  # words of control
+GONE = 16  # samples in a row that came late, or not at all, after which each 16th is waited for as long as before
 
 TOOL = np.dtype(
     [
@@ -70,6 +71,7 @@ def run_realtime(
     near_staged = np.empty_like(near_words)
     tool_turn, missed, compute, delay, number = -1, 0, 0.0, 0.0, 0
     settings_turn = _take(control, settings_mail, settings_staged, settings_words, -1)
+    lacking = np.int64(0)
     period = np.int64(round(settings[0].period * 1e9))
     deadline = clock.now_ns(scratch) + period
     write(memory_of_link, deadline - period, deadline, period, 0, zero)
@@ -81,8 +83,10 @@ def run_realtime(
         woke = clock.now_ns(scratch)
         late = (woke - deadline) // period
         missed, deadline = missed + late, deadline + late * period
-        # the device may be late itself; the servo waits for it a little, also where the sample before came too late
-        fresh = read(memory_of_link, deadline, deadline + period // 2, sample)
+        # the device may be late itself; the servo waits for it a little, of one that is gone at few ticks only
+        patient = lacking < GONE or lacking % GONE == 0
+        fresh = read(memory_of_link, deadline, deadline + (period // 2 if patient else period // 16), sample)
+        lacking = 0 if fresh else lacking + 1
         began = clock.now_ns(scratch)
         settings_turn = _take(control, settings_mail, settings_staged, settings_words, settings_turn)
         tool_turn = _take(control, tool_mail, tool_staged, tool_words, tool_turn)

@@ -41,7 +41,8 @@ WARN, ERROR = 1, 2
 @pytest.fixture
 def display(display):
     """The display with a wall that pushes on after a stall."""
-    assert display.told(set_parameters("haptic_driver", WALL))[0]
+    answer = display.told(set_parameters("haptic_driver", WALL))
+    assert answer[0], answer
     return display
 
 
