@@ -13,7 +13,7 @@ from haptic_device.jit import kernel, njit
 from haptic_device.realtime import atomic, clock, hardware_interface, seqlock
 
 STOP, COMMAND, RUNNING, LATE_DEVICE, TORN, ATTENDED, CONTROLS = 0, 1, 2, 3, 4, 5, 8  # words of control
-GONE = 16  # samples in a row that came late, or not at all, after which each 16th is waited for as long as before
+GONE, AGAIN = 16, 256  # samples in a row that came late, or not at all, after which few are waited for: one in AGAIN
 
 TOOL = np.dtype(
     [
@@ -83,8 +83,9 @@ def run_realtime(
         woke = clock.now_ns(scratch)
         late = (woke - deadline) // period
         missed, deadline = missed + late, deadline + late * period
-        # the device may be late itself; the servo waits for it a little, of one that is gone at few ticks only
-        patient = lacking < GONE or lacking % GONE == 0
+        # the device may be late itself; the servo waits for it a little, for one that is gone at few ticks only: it
+        # must not keep a core busy, and writes that are late by waiting must not count as late in the margins
+        patient = lacking < GONE or lacking % AGAIN == 0
         fresh = read(memory_of_link, deadline, deadline + (period // 2 if patient else period // 16), sample)
         lacking = 0 if fresh else lacking + 1
         began = clock.now_ns(scratch)
