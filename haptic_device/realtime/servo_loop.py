@@ -13,7 +13,6 @@ from haptic_device.jit import kernel, njit
 from haptic_device.realtime import atomic, clock, hardware_interface, seqlock
 
 STOP, COMMAND, RUNNING, LATE_DEVICE, TORN, ATTENDED, CONTROLS = 0, 1, 2, 3, 4, 5, 8  # words of control
-GONE, AGAIN = 16, 256  # samples in a row that came late, or not at all, after which few are waited for: one in AGAIN
 
 TOOL = np.dtype(
     [
@@ -71,7 +70,7 @@ def run_realtime(
     near_staged = np.empty_like(near_words)
     tool_turn, missed, compute, delay, number = -1, 0, 0.0, 0.0, 0
     settings_turn = _take(control, settings_mail, settings_staged, settings_words, -1)
-    lacking = np.int64(0)
+    lively = True
     period = np.int64(round(settings[0].period * 1e9))
     deadline = clock.now_ns(scratch) + period
     write(memory_of_link, deadline - period, deadline, period, 0, zero)
@@ -83,11 +82,10 @@ def run_realtime(
         woke = clock.now_ns(scratch)
         late = (woke - deadline) // period
         missed, deadline = missed + late, deadline + late * period
-        # the device may be late itself; the servo waits for it a little, for one that is gone at few ticks only: it
-        # must not keep a core busy, and writes that are late by waiting must not count as late in the margins
-        patient = lacking < GONE or lacking % AGAIN == 0
-        fresh = read(memory_of_link, deadline, deadline + (period // 2 if patient else period // 16), sample)
-        lacking = 0 if fresh else lacking + 1
+        # the device may be late itself; the servo waits for it a little, hardly for one that tells nothing new
+        known, patience = sample[hardware_interface.LATCHED], period // 2 if lively else period // 16
+        fresh = read(memory_of_link, deadline, deadline + patience, sample)
+        lively = fresh == 1 or sample[hardware_interface.LATCHED] > known
         began = clock.now_ns(scratch)
         settings_turn = _take(control, settings_mail, settings_staged, settings_words, settings_turn)
         tool_turn = _take(control, tool_mail, tool_staged, tool_words, tool_turn)
