@@ -31,6 +31,7 @@ DEVICE_LOCK, DEVICE_FIRST, DEVICE_WORDS = 8, 9, 11  # session, latched, status, 
 SERVO_LOCK, SERVO_FIRST, SERVO_WORDS = 32, 33, 8  # session, written, next deadline, period, engaged, motor 3
 WATCHDOG = faults.WATCHDOG  # bit of status: the device has cut the motor; the others are there too
 SPIN, PAUSE = 10_000, 30_000  # [ns] that a sample is looked for without a pause; longest pause after that, else woken
+WAKE = 60_000  # [ns] that a sleeper may wake late: the last of a wait is spent awake, so that it ends in time
 
 
 class SharedMemoryError(OSError):
@@ -188,5 +189,5 @@ def read_device(words, block, deadline, give_up, scratch):
         now = clock.now_ns(scratch)
         if now >= give_up:
             return 0 if turn >= 0 else -1
-        if now - began > SPIN:  # whoever brings the sample may need this core: of a serial line it is a kernel thread
-            futex.wait(words, DEVICE_LOCK, seen, min(now + PAUSE, give_up), scratch)
+        if now - began > SPIN and give_up - now > WAKE:  # whoever brings the sample may need this core: of a serial line it is a kernel thread
+            futex.wait(words, DEVICE_LOCK, seen, min(now + PAUSE, give_up - WAKE), scratch)
