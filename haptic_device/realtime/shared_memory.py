@@ -189,5 +189,7 @@ def read_device(words, block, deadline, give_up, scratch):
         now = clock.now_ns(scratch)
         if now >= give_up:
             return 0 if turn >= 0 else -1
-        if now - began > SPIN and give_up - now > WAKE:  # whoever brings the sample may need this core: of a serial line it is a kernel thread
+        if (
+            now - began > SPIN and give_up - now > WAKE
+        ):  # whoever brings the sample may need this core: of a serial line it is a kernel thread
             futex.wait(words, DEVICE_LOCK, seen, min(now + PAUSE, give_up - WAKE), scratch)

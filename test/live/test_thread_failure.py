@@ -35,7 +35,7 @@ THREADS = {
     ("haptic_driver", "services"): ("haptic_device.nodes.service_thread:ServiceThread:_run", 1),
     ("haptic_driver", "telemetry"): ("haptic_device.nodes.telemetry:Telemetry:_publish_trace", 3),
     ("haptic_loopback", "plant"): ("haptic_device.device.simulated_device:serve", 1),
-    ("haptic_loopback", "telemetry"): ("haptic_device.nodes.loopback:LoopbackNode:_truth_bytes", 3),
+    ("haptic_loopback", "telemetry"): ("haptic_device.nodes.truth_publisher:TruthPublisher:_bytes", 3),
 }
 
 
