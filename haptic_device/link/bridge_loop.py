@@ -24,9 +24,7 @@ IDLE_STEP = 5_000_000  # [ns] between IDLE events
 SPIN = 20_000  # [ns] that the servo's write is looked for without a pause: to sleep takes longer
 PAUSE = 15_000  # [ns] between looks for it after that; a shorter one is none, and keeps the core from kernel threads
 LAST_WORDS, LAST_STEP = 5, 2_000_000  # CUT events at an end, and the time between them [ns]
-QUIET = (
-    50_000_000  # [ns] without samples after a new session, whose counts may be others: the servo sees a silent device
-)
+QUIET = 50_000_000  # [ns] without samples after a new session, whose counts may be others: to the servo a silence
 DATAGRAMS = 64  # read at most between two looks at the servo
 
 MEMORY = np.dtype(
@@ -194,11 +192,10 @@ def _pass_on(state, words, control, session, now, m, room):
     m.latest = latched
     control[PASSED] += 1
     status = room.answer[codec.STATUS] | (0 if m.driven else shared_memory.WATCHDOG)
-    counts, drag = (
-        room.answer[codec.COUNTS : codec.COUNTS + 3],
-        room.answer[codec.DRAG : codec.DRAG + 3].view(np.float64),
+    counts, drag = room.answer[codec.COUNTS : codec.COUNTS + 3], room.answer[codec.DRAG : codec.DRAG + 3]
+    shared_memory.write_device(
+        words, room.block, session, latched, status, now, counts, drag.view(np.float64), state[codec.DELAY]
     )
-    shared_memory.write_device(words, room.block, session, latched, status, now, counts, drag, state[codec.DELAY])
     futex.wake(words, shared_memory.DEVICE_LOCK)
     return m.driven and latched >= m.announced
 
