@@ -174,10 +174,12 @@ def chromium():
 
 
 class Tab:
-    """A page with what people look at; `complaints` is what it wrote to the console."""
+    """A page with what people look at, experts unless said otherwise; `complaints` is what it wrote to the console."""
 
-    def __init__(self, browser, width=1280, height=720, **given):
+    def __init__(self, browser, width=1280, height=720, expert=True, **given):
         self.page = browser.new_page(viewport={"width": width, "height": height}, **given)
+        if expert:
+            self.page.add_init_script("localStorage.layer ??= 'expert'")
         self.page.set_default_timeout(1e3 * PATIENCE)
         self.complaints = []
         self.page.on("console", lambda line: self.complaints.append(line.text) if line.type == "error" else None)

@@ -3,6 +3,7 @@
 
 import { Hand, turning } from "./hand.js";
 import { driverOf, showHealth } from "./health.js";
+import { layered } from "./layer.js";
 import { Link } from "./link.js";
 import { Panels, shown, stretch } from "./panels.js";
 import { SceneView } from "./scene.js";
@@ -35,6 +36,7 @@ const strips = [
   new Strip(byId("strip_age"), [{ label: "median", colour: "coupling" }, { label: "99 %", colour: "force", dash: true }], 2),
 ];
 
+layered(byId("layer"));
 dress(byId("theme"), () => [view, ...strips].forEach((part) => part.recolour()));
 turning(byId("turn_left"), hand, 1);
 turning(byId("turn_right"), hand, -1);
