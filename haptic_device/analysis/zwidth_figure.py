@@ -2,6 +2,7 @@
 """Figure of a map of the K–B plane: cells by what they did, and the lines of theory over them."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -35,7 +36,13 @@ def save_map(request: Request, plane: Plane, lateness: float, path: Path) -> Non
 def draw_cells(axes: Axes, request: Request, plane: Plane, lateness: float = 0.0) -> None:
     """Cells and lines of one map; what no cell did has no place in the legend."""
     stiffness, found = request.stiffness / 1e3, plane.outcome.assessment.T
-    mesh = {"cmap": ListedColormap(CELLS), "vmin": 0, "vmax": 2, "shading": "nearest", "rasterized": True}
+    mesh: dict[str, Any] = {
+        "cmap": ListedColormap(CELLS),
+        "vmin": 0,
+        "vmax": 2,
+        "shading": "nearest",
+        "rasterized": True,
+    }
     axes.pcolormesh(request.damping, stiffness, found, **mesh)
     for which in np.unique(found):
         if HATCHES[which]:
