@@ -12,7 +12,7 @@ from haptic_device.analysis.palette import BLACK, METHODS, PEERS
 
 LOOKS = METHODS | PEERS
 WIDTH, DPI = 9.0, 100  # inches, dots an inch: as wide as a page shows it, so that text has the size that it says
-LEAST = 1e-9  # what errs less is drawn here
+LEAST, MOST = 1e-9, 1.0  # what errs less or more is drawn there
 
 
 def panels(of: dict[str, list], draw, head: str, height: float, more: dict | None = None, columns: int = 3) -> Figure:
@@ -56,7 +56,7 @@ def pareto_figure(runs: list[Run]) -> Figure:
 def _panel(axes, runs):
     drawn, (method, step) = {}, default_of(runs[0].scene)
     shown = nearest(runs, method, step)
-    runs = [item._replace(error=max(item.error, LEAST)) for item in runs]
+    runs = [item._replace(error=_clipped(item.error)) for item in runs]
     for name, front in fronts(runs).items():
         if front:
             points = [(item.error, 1e3 * item.wall) for item in front]
@@ -64,11 +64,15 @@ def _panel(axes, runs):
                 *zip(*points, strict=True), **LOOKS[name].line, linewidth=1.2, markersize=5, clip_on=False
             )
     if shown and shown.counts:
-        at = (max(shown.error, LEAST), 1e3 * shown.wall)
+        at = (_clipped(shown.error), 1e3 * shown.wall)
         axes.plot(*at, LOOKS[method].mark, color=LOOKS[method].colour, markersize=5, clip_on=False)
         axes.plot(*at, "o", color=BLACK, markersize=12, fillstyle="none", clip_on=False)
-    axes.set(xscale="log", yscale="log", xlabel="error, relative", ylabel="wall time\n[ms per s]", xlim=(LEAST, 1.0))
-    axes.xaxis.set_major_locator(FixedLocator([LEAST, 1e-6, 1e-3, 1.0]))
-    axes.set_xticklabels(["≤10⁻⁹", "10⁻⁶", "10⁻³", "1"])
+    axes.set(xscale="log", yscale="log", xlabel="error, relative", ylabel="wall time\n[ms per s]", xlim=(LEAST, MOST))
+    axes.xaxis.set_major_locator(FixedLocator([LEAST, 1e-6, 1e-3, MOST]))
+    axes.set_xticklabels(["≤10⁻⁹", "10⁻⁶", "10⁻³", "≥1"])
     axes.xaxis.set_minor_locator(NullLocator())
     return drawn
+
+
+def _clipped(error):
+    return min(max(error, LEAST), MOST)
