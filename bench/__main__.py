@@ -13,7 +13,10 @@ COMMANDS = {  # name: (module with a `main`, what it measures)
     "chosen": ("bench.methods.chosen", "every method that a shipped scene could have, against its reference"),
     "costs": ("bench.servo.costs", "what a tick, an exchange, a sub-step and a cell cost, and how each grows"),
     "exchange": ("bench.exchange.exchange", "exchange methods against delay, jitter, loss and rate"),
-    "figures": ("bench.figures", "draws the pictures of passivity.md and zwidth.md, and keeps those of the page"),
+    "figures": (
+        "bench.figures",
+        "draws the pictures of passivity.md, zwidth.md and methods.md, and keeps those of the page",
+    ),
     "growth": ("bench.methods.growth", "an exchange with 10 to 300 bodies, ours and the peers'"),
     "hard_cases": ("bench.methods.hard_cases", "which method and which peer survives which hard scene"),
     "hashes": ("bench.methods.hashes", "hashes of every scene by each method, to compare two commits by"),

@@ -1,59 +1,78 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of the runs: wall time over error, error over step."""
+"""Pictures of the runs: wall time over error, and what panels of runs have in common."""
 
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator, NullLocator
 
 from bench.methods.measure import Run
 from bench.methods.table import default_of, fronts, nearest, scenes_of
 from bench.methods.world import title
+from haptic_device.analysis.palette import BLACK, METHODS, PEERS
 
-LOOKS = {
-    "impulse": ("tab:blue", "o"),
-    "penalty_explicit": ("tab:red", "v"),
-    "penalty_implicit": ("tab:orange", "^"),
-    "partitioned": ("tab:green", "s"),
-    "event_driven": ("tab:cyan", "p"),
-    "closed_form": ("tab:olive", "D"),
-    "pymunk": ("0.6", "1"),
-    "box2d": ("0.3", "2"),
-    "mujoco_rk4": ("tab:purple", "+"),
-    "mujoco_implicit": ("tab:pink", "x"),
-}
-LEAST = 1e-14
+LOOKS = METHODS | PEERS
+WIDTH, DPI = 9.0, 100  # inches, dots an inch: as wide as a page shows it, so that text has the size that it says
+LEAST, MOST = 1e-9, 1.0  # what errs less or more is drawn there
 
 
-def panels(of: dict[str, list], draw, columns: int = 3) -> Figure:
-    """A panel for each title, drawn of its runs; what `draw` returns, {label: line}, is the legend of all."""
-    rows, columns = -(-len(of) // columns), min(columns, len(of))
-    figure, drawn = Figure(figsize=(4.6 * columns, 3.6 * rows + 0.5), layout="constrained"), {}
-    for axes, (name, runs) in zip(figure.subplots(rows, columns, squeeze=False).flat, of.items(), strict=False):
+def panels(of: dict[str, list], draw, head: str, height: float, more: dict | None = None, columns: int = 3) -> Figure:
+    """A panel for each title, drawn of its runs, all to one scale, under one head.
+
+    What `draw` returns, {label: line}, and `more` is the legend of all: in the last place where that is free,
+    else below. height: of a panel [in].
+    """
+    rows, columns, drawn = -(-len(of) // columns), min(columns, len(of)), {}
+    figure = Figure(figsize=(WIDTH, height * rows + 1.2), layout="constrained")
+    every = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    for axes, (name, runs) in zip(every.flat, of.items(), strict=False):
         drawn |= draw(axes, runs)
-        axes.set_title(name, fontsize=9)
+        axes.set_title(name, fontsize=10)
+        axes.tick_params(labelsize=9)
         axes.grid(alpha=0.3)
-    for axes in figure.axes[len(of) :]:
-        axes.set_visible(False)
-    figure.legend(list(drawn.values()), list(drawn), loc="outside upper center", ncols=3 * columns, fontsize=8)
+    for axes in every.flat:
+        axes.label_outer()
+    for above, axes in zip(every.flat[len(of) - columns :], every.flat[len(of) :], strict=False):
+        axes.set_axis_off()
+        above.set_xlabel(every[-1, 0].get_xlabel())
+        above.tick_params(labelbottom=True)
+    legend = drawn | (more or {})
+    lines = {"handles": list(legend.values()), "labels": list(legend), "fontsize": 9}
+    if len(of) < rows * columns:
+        every.flat[-1].legend(loc="center", **lines)
+    else:
+        figure.legend(loc="outside lower center", ncols=4, **lines)
+    figure.suptitle(head)
     return figure
 
 
 def pareto_figure(runs: list[Run]) -> Figure:
     """Wall time per simulated second over error, a panel a scene; lines join what is best of each."""
-    return panels({scene: [item for item in runs if item.scene == scene] for scene in scenes_of(runs)}, _panel)
+    of = {scene: [item for item in runs if item.scene == scene] for scene in scenes_of(runs)}
+    ring = Line2D([], [], linestyle="", marker="o", color=BLACK, markersize=12, fillstyle="none")
+    head = "Speed against error in each scene: lower left is better"
+    return panels(of, _panel, head, 2.1, {"the scene's own method and step": ring})
 
 
 def _panel(axes, runs):
     drawn, (method, step) = {}, default_of(runs[0].scene)
+    shown = nearest(runs, method, step)
+    runs = [item._replace(error=_clipped(item.error)) for item in runs]
     for name, front in fronts(runs).items():
         if front:
-            color, marker = LOOKS[name]
-            points = [(max(item.error, LEAST), 1e3 * item.wall) for item in front]
+            points = [(item.error, 1e3 * item.wall) for item in front]
             (drawn[title(name)],) = axes.plot(
-                *zip(*points, strict=True), marker=marker, color=color, linewidth=1.0, markersize=5
+                *zip(*points, strict=True), **LOOKS[name].line, linewidth=1.2, markersize=5, clip_on=False
             )
-    shown = nearest(runs, method, step)
     if shown and shown.counts:
-        axes.plot(max(shown.error, LEAST), 1e3 * shown.wall, "o", color="black", markersize=11, fillstyle="none")
-    axes.set(xscale="log", yscale="log", xlabel="error, relative", ylabel="wall time [ms per s]")
-    axes.xaxis.set_minor_formatter(NullFormatter())
+        at = (_clipped(shown.error), 1e3 * shown.wall)
+        axes.plot(*at, LOOKS[method].mark, color=LOOKS[method].colour, markersize=5, clip_on=False)
+        axes.plot(*at, "o", color=BLACK, markersize=12, fillstyle="none", clip_on=False)
+    axes.set(xscale="log", yscale="log", xlabel="error, relative", ylabel="wall time\n[ms per s]", xlim=(LEAST, MOST))
+    axes.xaxis.set_major_locator(FixedLocator([LEAST, 1e-6, 1e-3, MOST]))
+    axes.set_xticklabels(["≤10⁻⁹", "10⁻⁶", "10⁻³", "≥1"])
+    axes.xaxis.set_minor_locator(NullLocator())
     return drawn
+
+
+def _clipped(error):
+    return min(max(error, LEAST), MOST)

@@ -14,16 +14,26 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import typer
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from bench.jobs import Kept, listed, plain, sweep, usable, write_csv
 from bench.jobs import markdown as as_table
 from bench.methods import loads
-from bench.methods.figure import LOOKS, panels
+from bench.methods.figure import DPI, LOOKS, panels
 from bench.methods.world import Impossible, make, title
+from haptic_device.analysis.palette import DOTTED, FAIL, GREY
 from haptic_sim.cli.progress import INTERRUPTED
 from haptic_sim.rollout import GAINS, overlap_watch, rollout
 
-WORLDS = ("row", "heap", "chain", "pyramid", "joint_grid")
+WORLDS = {
+    "row": "blocks at rest",
+    "heap": "stirred in a trough",
+    "chain": "links on pins",
+    "pyramid": "boxes",
+    "joint_grid": "discs on pins",
+}
+"""Name → what it is of."""
 COUNTS, FEW = (10, 30, 100, 300), (10,)
 ENGINES = ("impulse", "partitioned", "pymunk", "box2d", "mujoco_implicit")
 STEP, STEPS = 250, {"box2d": (250, 50)}  # µs; the finer one for Box2D overlaps as little as `impulse` does
@@ -31,6 +41,7 @@ LIMIT, SECONDS, SHORT = 5.0, 1.2, 0.3  # s; the latter two of simulated time
 SETTLED = 2  # the first half is not counted: heaps fall, what rests falls asleep (Box2D after half a second)
 BOOK_EVERY, LOOK_EVERY = 10, 50  # exchanges
 EXCHANGE = 1e3  # µs, the time that an exchange has
+MOST, TINT = 1e6, 0.12  # of the picture: µs, opacity of what is too long
 HEADS = ("world", "bodies", "engine", "exchange, median", "p99", "deepest overlap", "energy created", "error")
 _NOTHING = (math.nan,) * 3
 
@@ -176,28 +187,37 @@ def _title(engine, step):
 
 
 def figure(runs: list[Run]) -> Figure:
-    """Time of an exchange over the number of bodies, a panel a world: median, p99 faint, and the time there is."""
-    of = {item.world: [] for item in runs}
+    """Time of an exchange over the number of bodies, a panel a world: median, p99 thin, tinted where it is too long."""
+    of = {f"{world}: {WORLDS[world]}": [] for world in dict.fromkeys(item.world for item in runs)}
     for item in runs:
-        of[item.world] += [] if item.cannot else [item]
-    return panels(of, _panel)
+        of[f"{item.world}: {WORLDS[item.world]}"] += [] if item.cannot else [item]
+    more = {
+        "thin: 99 % are shorter": Line2D([], [], color=GREY, linewidth=0.8),
+        "too long: over 1 ms": Patch(facecolor=FAIL, alpha=TINT),
+    }
+    return panels(of, _panel, "Time of an exchange, by the number of bodies: lower is better", 2.7, more)
 
 
 def _panel(axes, runs):
     drawn = {}
     for engine, step in dict.fromkeys((item.engine, item.step_us) for item in runs):
         of = [item for item in runs if (item.engine, item.step_us) == (engine, step)]
-        (color, marker), style = LOOKS[engine], "-" if step == STEP else "--"
+        look = LOOKS[engine].line | ({} if step == STEP else {"linestyle": DOTTED})
         bodies = [item.bodies for item in of]
         (drawn[_title(engine, step)],) = axes.plot(
-            bodies, [item.median_us for item in of], style, color=color, marker=marker, linewidth=1.3, markersize=5
+            bodies, [item.median_us for item in of], **look, linewidth=1.5, markersize=6
         )
-        axes.plot(bodies, [item.p99_us for item in of], style, color=color, linewidth=0.7, alpha=0.45)
-    axes.axhline(EXCHANGE, color="black", linewidth=0.8, linestyle=":")
+        axes.plot(bodies, [item.p99_us for item in of], **look | {"marker": ""}, linewidth=0.8, alpha=0.6)
+    axes.axhspan(EXCHANGE, MOST, color=FAIL, alpha=TINT, linewidth=0)
     axes.set_xscale("symlog", linthresh=10)
-    axes.set(yscale="log", xlabel="bodies that can move", ylabel="exchange of 1 ms [µs]")
-    counts = sorted({item.bodies for item in runs})
-    axes.set_xticks(counts, map(str, counts))
+    axes.set(
+        yscale="log",
+        xlabel="bodies that can move",
+        ylabel="time of an exchange [µs]",
+        xlim=(-1.0, 400.0),
+        ylim=(3.0, MOST),
+    )
+    axes.set_xticks([0, *COUNTS], map(str, (0, *COUNTS)))
     axes.set_xticks([], minor=True)
     return drawn
 
@@ -213,4 +233,4 @@ def write(folder: Path, runs: list[Run]) -> None:
         "longest way of a body that should stay, or by which a pin is open.\n\n"
     )
     (folder / "growth.md").write_text(f"{head}{markdown(runs)}\n", encoding="utf-8")
-    figure(runs).savefig(folder / "growth.png", dpi=90)
+    figure(runs).savefig(folder / "growth.png", dpi=DPI)

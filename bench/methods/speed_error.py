@@ -9,7 +9,7 @@ import typer
 
 from bench.jobs import Kept, listed, plain, sweep, usable, write_csv
 from bench.methods import table
-from bench.methods.figure import pareto_figure
+from bench.methods.figure import DPI, pareto_figure
 from bench.methods.measure import Run, run
 from bench.methods.world import PEERS, title, version
 from haptic_sim.cli.progress import INTERRUPTED
@@ -72,7 +72,7 @@ def _report(runs, others, out, as_json):
     if out and runs:
         write_csv(out / "speed_error.csv", Run, [*runs, *others])
         (out / "speed_error.md").write_text(_page(runs), encoding="utf-8")
-        pareto_figure(runs).savefig(out / "pareto.png", dpi=80)
+        pareto_figure(runs).savefig(out / "pareto.png", dpi=DPI)
     if as_json:
         typer.echo(json.dumps(_content(runs)))
         return

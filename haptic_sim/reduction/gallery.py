@@ -11,9 +11,14 @@ from haptic_sim.scene.language import Scene, load
 
 HEAD = """# Scenes
 
-Written by `haptic scenes --gallery docs/scenes`. Grey is fixed, blue can move, orange is the tool (cross: the grip);
-circles are pins, squares sliders; green zigzags and spirals are springs (dashed: a damper alone); red arrows with a
-speed are motors, belts and bodies that move at the start. The dotted line is the way suggested for the handle.
+Written by `haptic scenes --gallery docs/scenes`: each scene as it starts.
+
+* Orange is the tool, light blue can move, grey is fixed. The cross is where the tool is held.
+* A ring is round a tool that is small in the picture.
+* The blue dotted line is the way suggested for the handle.
+* The dark line with a bar is what the scene measures: 0 at its dot, 1 at its bar.
+* Circles are pins, squares are sliders. Green zigzags and spirals are springs; a dashed line is a damper alone.
+* Red arrows with a speed are motors, belts, and bodies that move at the start. The black arrow is gravity.
 """
 
 
@@ -30,5 +35,5 @@ def write_gallery(folder: Path) -> None:
 
 def _section(name: str, scene: Scene) -> str:
     rows = "\n".join(f"| {question} | {answer} |" for question, answer in explain(reduce_scene(scene)))
-    picture = f"![{name}]({name}.png)"
+    picture = f"![{scene.description}]({name}.png)"
     return f"## {name}\n\n{scene.description}.\n\n{picture}\n\n| | |\n|---|---|\n{rows}\n"

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Picture of a scene at its start: bodies, joints, the tool and the way that is suggested for the handle.
+"""Picture of a scene at its start: bodies, joints, the tool, what is measured and the way suggested for the handle.
 
 Zigzags and spirals are springs, arrows with a speed are motors, belts and what moves at the start.
 """
 
 import math
 import os
+import textwrap
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -14,22 +15,27 @@ from matplotlib import patches
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.path import Path
+from matplotlib.patheffects import Normal, Stroke, withStroke
 from matplotlib.transforms import Affine2D
 
+from haptic_device.analysis.palette import BLACK, COUPLING, FIXED, FORCE, HANDLE, MOVING, TARGET
+from haptic_device.analysis.palette import TOOL as HELD
 from haptic_device.device import operator_hand
 from haptic_device.os_errors import naming
 from haptic_device.parameter_types import defaults
 from haptic_device.parameters import OPERATOR
 from haptic_sim.scene.drawing import Drawing, Solid, corners, drawing_of
-from haptic_sim.scene.geometry import Point, turned
+from haptic_sim.scene.geometry import Outline, Point, turned
 from haptic_sim.scene.joints import AnyJoint, Slider
-from haptic_sim.scene.language import Scene
+from haptic_sim.scene.language import Measure, Scene
 from haptic_sim.scene.shapes import TOOL, Body, HalfPlane, Tool
 
-FIXED, MOVING, HELD = "0.72", "tab:blue", "tab:orange"
-DRIVEN, SPRUNG = "tab:red", "tab:green"
+DRIVEN, SPRUNG = FORCE, COUPLING
 MARKS = {"pin": "o", "slider": "s", "weld": "X", "spring": "."}
-POINTS = 200
+POINTS, LINE = 200, 50  # of the handle's way; letters of the title in a line
+THIN, SPECK = 0.012, 0.05  # of the picture's width: drawn thicker, drawn with a ring
+TILTED = 1.0  # degrees
+UNLIKE = 100.0  # masses of two bodies that differ as much are told
 TEETH = np.array([[0.0, 0.0], *([k / 12.0, 0.5 * (-1) ** k] for k in range(2, 11)), [1.0, 0.0]])
 """A zigzag from 0 to 1 along x, its width 1."""
 ZIGZAG = Path(TEETH * (2.0, 0.6) - (1.0, 0.6))
@@ -40,12 +46,20 @@ ROUND = Path([*np.column_stack([np.cos(_ARC), np.sin(_ARC)]), (-1.35, 0.35), (-1
 """An arrow that turns counter-clockwise."""
 STRAIGHT = Path([(-1.0, 0.0), (1.0, 0.0), (0.6, 0.3), (1.0, 0.0), (0.6, -0.3)])
 """An arrow along x."""
+GOAL = Path([(-1.0, 0.6), (0.0, 0.0), (-1.0, -0.6), (0.0, 0.0), (0.0, 1.0), (0.0, -1.0)], [1, 2, 2, 1, 2, 2])
+"""The end of an arrow along x, at a bar."""
+FLIGHT = Path([(0.0, 0.5), (2.0, 0.5), (1.6, 0.7), (2.0, 0.5), (1.6, 0.3)])
+"""An arrow along x, beside its beginning."""
+_LIGHT: dict[str, Any] = {"fontsize": 9, "path_effects": [withStroke(linewidth=2.5, foreground="white")], "zorder": 9}
+"""Of text over the scene."""
 
 
 def save(scene: Scene, path: str | os.PathLike[str]) -> None:
     """Write the picture as PNG; OSError if the file cannot be written."""
-    figure = Figure(figsize=(5.0, 4.6), layout="constrained")
-    draw(scene, figure.subplots())
+    figure = Figure(figsize=(5.0, 5.2), layout="constrained")
+    axes = figure.subplots()
+    draw(scene, axes)
+    figure.legend(loc="outside lower center", ncols=3, fontsize=9, frameon=False)
     with naming(path):
         figure.savefig(path, dpi=110, format="png")
 
@@ -53,14 +67,19 @@ def save(scene: Scene, path: str | os.PathLike[str]) -> None:
 def draw(scene: Scene, axes: Axes) -> None:
     """The scene in an axes object, in mm."""
     way, drawn = handle_way(scene), drawing_of(scene)
+    seen = _frame(axes, scene, way)
+    _draw_kinds(axes, drawn)
     for solid in (*drawn.solids[1:], drawn.solids[0]):
         _draw_solid(axes, solid)
     _draw_velocities(axes, scene)
     _draw_joints(axes, scene.joints, drawn)
     _draw_belts(axes, scene)
-    axes.plot(*(1e3 * way[:, :2].T), ":", color=HELD, linewidth=1.2, zorder=5)
-    axes.plot(*(1e3 * np.array(scene.tool.pose[:2])), "+", color="black", markersize=9, zorder=6)
-    _frame(axes, scene, way)
+    _draw_masses(axes, scene)
+    if np.ptp(way[:, :2], axis=0).any():
+        axes.plot(*(1e3 * way[:, :2].T), ":", color=HANDLE, linewidth=1.8, zorder=5, label="way of the handle")
+    axes.plot(*(1e3 * np.array(scene.tool.pose[:2])), "+", color=BLACK, markersize=9, zorder=6)
+    _draw_goals(axes, scene)
+    _draw_gravity(axes, scene, seen)
 
 
 def handle_way(scene: Scene) -> np.ndarray:
@@ -76,26 +95,116 @@ def handle_way(scene: Scene) -> np.ndarray:
 
 def _draw_solid(axes: Axes, solid: Solid) -> None:
     color = HELD if solid.name == TOOL else FIXED if solid.fixed else MOVING
+    width, ends = float(np.ptp(axes.get_xlim())), []
     for outline in solid.outlines:
         places = 1e3 * np.array([turned(vertex, solid.pose) for vertex in outline.vertices])
         shape = patches.Circle(places[0], 1e3 * outline.radius) if outline.radius else patches.Polygon(places)
-        shape.set(facecolor=color, edgecolor="black", linewidth=0.6, alpha=0.75)
+        shape.set(facecolor=color, edgecolor=BLACK, linewidth=0.6, alpha=0.75)
+        if 1e3 * _thickness(outline) < THIN * width:
+            around = [Stroke(linewidth=4.0, foreground=BLACK), Normal()]
+            shape.set(edgecolor=color, linewidth=2.8, alpha=1.0, path_effects=around)
         axes.add_patch(shape)
+        ends += [places.min(axis=0) - 1e3 * outline.radius, places.max(axis=0) + 1e3 * outline.radius]
+    if solid.name == TOOL and np.ptp(ends, axis=0).max() < SPECK * width:
+        x, y, _ = solid.pose
+        axes.plot(1e3 * x, 1e3 * y, "o", color=HELD, markersize=24, markeredgewidth=2.0, fillstyle="none", zorder=7)
+
+
+def _draw_kinds(axes: Axes, drawn: Drawing) -> None:
+    """What the colours of the solids say, for the legend."""
+    kinds = {
+        "tool": (HELD, True),
+        "can move": (MOVING, any(not solid.fixed for solid in drawn.solids[1:])),
+        "fixed": (FIXED, any(solid.fixed for solid in drawn.solids)),
+    }
+    for kind, (color, there) in kinds.items():
+        if there:
+            axes.fill([], [], facecolor=color, edgecolor=BLACK, linewidth=0.6, alpha=0.75, label=kind)
+
+
+def _thickness(outline: Outline) -> float:
+    """The least width [m] of a convex outline."""
+    if outline.radius:
+        return 2.0 * outline.radius
+    vertices = np.array(outline.vertices)
+    along = np.roll(vertices, -1, axis=0) - vertices
+    normals = np.column_stack([-along[:, 1], along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
+    return float(np.ptp(normals @ vertices.T, axis=1).min())
 
 
 def _draw_velocities(axes: Axes, scene: Scene) -> None:
+    """What moves at the start: an arrow that begins beside the middle of the body."""
     for solid in (*scene.bodies, scene.tool):
         if speed := math.hypot(*solid.velocity[:2]):
-            axes.annotate(
-                f"{speed:g} m/s",
-                xy=(1e3 * solid.pose[0], 1e3 * solid.pose[1]),
-                textcoords="offset points",
-                xytext=(36.0 * solid.velocity[0] / speed, 36.0 * solid.velocity[1] / speed),
-                fontsize=8,
-                ha="center",
-                va="center",
-                arrowprops={"arrowstyle": "<-", "color": DRIVEN},
-            )
+            vx, vy = (value / speed for value in solid.velocity[:2])
+            side = -1.0 if vx < 0.0 else 1.0
+            beside = FLIGHT.transformed(Affine2D().scale(1.0, side))
+            at = 1e3 * np.array(solid.pose[:2])
+            _mark(axes, at, _rotated(beside, math.atan2(vy, vx)), DRIVEN, 64.0)
+            across = 16.0 * side if abs(vx) > abs(vy) else 26.0 * side
+            _say(axes, f"{speed:g} m/s", at, (16.0 * vx - across * vy, 16.0 * vy + across * vx))
+
+
+def _say(axes: Axes, text: str, at: np.ndarray, offset: tuple[float, float]) -> None:
+    """A text about a place [mm, mm], as many points away."""
+    middle: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "center"}
+    axes.annotate(text, (float(at[0]), float(at[1])), xytext=offset, **middle, **_LIGHT)
+
+
+def _draw_masses(axes: Axes, scene: Scene) -> None:
+    """The mass of the heaviest and of the lightest body, where they are very unlike."""
+    masses = {body.name: body.mass for body in scene.bodies if body.mass and not body.fixed}
+    if not masses or max(masses.values()) < UNLIKE * min(masses.values()):
+        return
+    for name in (min(masses, key=masses.__getitem__), max(masses, key=masses.__getitem__)):
+        body = scene.solids[name]
+        at = 1e3 * np.array(turned(body.mass_properties.center, body.pose))
+        _say(axes, _mass(masses[name]), at, (-30.0, 0.0))
+
+
+def _mass(value: float) -> str:
+    """A mass [kg] in the unit that fits."""
+    unit, factor = next((one for one in (("kg", 1.0), ("g", 1e3)) if value * one[1] >= 1.0), ("mg", 1e6))
+    return f"{value * factor:g} {unit}"
+
+
+def _draw_goals(axes: Axes, scene: Scene) -> None:
+    """What is measured: the way of its point from 0 to 1, as it is at the start."""
+    for measure in scene.measure.values():
+        ends = 1e3 * _goal(scene, measure)
+        angle = math.atan2(*reversed((ends[1] - ends[0]).tolist()))
+        axes.plot(*ends.T, "-", color=TARGET, linewidth=1.4, zorder=8)
+        axes.plot(*ends[0], ".", color=TARGET, markersize=5, zorder=8)
+        at_end: dict[str, Any] = {"marker": _rotated(GOAL, angle), "markersize": 12, "linestyle": ""}
+        axes.plot(*ends[1], color=TARGET, markerfacecolor="none", markeredgewidth=1.6, zorder=8, **at_end)
+    if scene.measure:
+        names = ", ".join(name.replace("_", " ") for name in scene.measure)
+        mark: dict[str, Any] = {"marker": GOAL, "markersize": 9, "markerfacecolor": "none", "markeredgewidth": 1.6}
+        axes.plot([], [], "-", color=TARGET, label=f"measured: {names}", **mark)
+
+
+def _goal(scene: Scene, measure: Measure) -> np.ndarray:
+    """Where the measured point is at 0 and at 1 if it goes along the axis alone [m]."""
+    at, axis = np.array(turned(measure.point, scene.solids[measure.body].pose)), np.array(measure.axis)
+    axis /= np.linalg.norm(axis)
+    return np.array([at + (end - at @ axis) * axis for end in (measure.start, measure.end)])
+
+
+def _draw_gravity(axes: Axes, scene: Scene, seen: np.ndarray) -> None:
+    """An arrow with g in the corner that is farthest from all that is seen."""
+    if scene.gravity == (0.0, 0.0):
+        return
+    low, high = np.array([axes.get_xlim(), axes.get_ylim()]).T
+    places = [np.array(place) for place in ((0.93, 0.88), (0.07, 0.88), (0.93, 0.14), (0.07, 0.14))]
+    x, y = max(places, key=lambda place: np.linalg.norm(seen - (low + place * (high - low)), axis=1).min())
+    gx, gy = (0.07 * value / math.hypot(*scene.gravity) for value in scene.gravity)
+    tilt = abs(math.degrees(math.atan2(scene.gravity[0], -scene.gravity[1])))
+    arrow = {"arrowstyle": "-|>", "linewidth": 2.0, "color": BLACK}
+    ends: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "axes fraction"}
+    axes.annotate("", (x + gx, y + gy), xytext=(x - gx, y - gy), arrowprops=arrow, zorder=9, **ends)
+    label, inward = f"gravity, tilted {tilt:.0f}°" if tilt > TILTED else "gravity", 1.0 if x < 0.5 else -1.0
+    beside: dict[str, Any] = {"ha": "left" if x < 0.5 else "right", "va": "center"}
+    axes.annotate(label, (x, y), xytext=(x + 0.05 * inward, y), **ends, **beside, **_LIGHT)
 
 
 def _draw_belts(axes: Axes, scene: Scene) -> None:
@@ -130,12 +239,11 @@ def _arrow(axes: Axes, place: np.ndarray, path: Path, angle: float, label: str) 
     """An arrow with a label; where the label says 0, which has no direction, the label alone."""
     if not label.startswith(("0 ", "-0 ")):
         _mark(axes, place, _rotated(path, angle), DRIVEN, 28.0)
-    below: dict[str, Any] = {"xytext": (0.0, -24.0), "textcoords": "offset points", "ha": "center", "fontsize": 8}
-    axes.annotate(label, (place[0], place[1]), color=DRIVEN, zorder=8, **below)
+    _say(axes, label, place, (0.0, -21.0))
 
 
 def _mark(axes: Axes, place: np.ndarray, shape: Path, color: str, size: float) -> None:
-    axes.plot(*place, marker=shape, markersize=size, color=color, markerfacecolor="none", zorder=8)
+    axes.plot(*place, marker=shape, markersize=size, color=color, markerfacecolor="none", markeredgewidth=1.5, zorder=8)
 
 
 def _draw_joints(axes: Axes, joints: Sequence[AnyJoint], drawn: Drawing) -> None:
@@ -162,10 +270,11 @@ def _draw_joints(axes: Axes, joints: Sequence[AnyJoint], drawn: Drawing) -> None
             axes.plot(*(ends[0] + 1e3 * way).T, "|-", color="black", linewidth=0.8, zorder=6)
 
 
-def _frame(axes: Axes, scene: Scene, way: np.ndarray) -> None:
-    """Shows everything that ends somewhere, with a margin, one scale."""
+def _frame(axes: Axes, scene: Scene, way: np.ndarray) -> np.ndarray:
+    """Shows everything that ends somewhere, with a margin, one scale; places (x, y) of it [mm]."""
     feet = [foot for body in scene.bodies for foot in _feet(body, scene.tool)]
-    seen = 1e3 * np.array([*corners(scene), *feet, *way[:, :2]])
+    goals = [end for measure in scene.measure.values() for end in _goal(scene, measure)]
+    seen = 1e3 * np.array([*corners(scene), *feet, *way[:, :2], *goals])
     low, high = seen.min(axis=0), seen.max(axis=0)
     center, half = (low + high) / 2.0, 0.56 * max(*(high - low), 1.0)
     axes.set(
@@ -175,7 +284,11 @@ def _frame(axes: Axes, scene: Scene, way: np.ndarray) -> None:
         xlabel="x [mm]",
         ylabel="y [mm]",
     )
-    axes.set_title(scene.name, fontsize=10)
+    axes.locator_params(nbins=6)
+    title = scene.description or scene.name
+    even = LINE if len(title) <= LINE else math.ceil(len(title) / math.ceil(len(title) / LINE)) + 4
+    axes.set_title(textwrap.fill(title, even), fontsize=11)
+    return seen
 
 
 def _feet(body: Body, tool: Tool) -> Iterator[Point]:

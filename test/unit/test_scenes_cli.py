@@ -6,9 +6,11 @@ import math
 import numpy as np
 import pytest
 from in_process import haptic
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
+from haptic_device.analysis.palette import FIXED, TARGET
 from haptic_device.config_files import find, names
 from haptic_sim import verify
 from haptic_sim.reduction import reduce_scene
@@ -34,7 +36,7 @@ def test_a_drawn_scene_is_a_picture_with_tool_and_wall_in_it(tmp_path):
     assert (tmp_path / "picture.png").read_bytes().startswith(PNG)
     pixels = imread(tmp_path / "picture.png")[..., :3]
     orange = (pixels[..., 0] > 0.9) & (pixels[..., 2] < 0.5)
-    grey = (np.ptp(pixels, axis=2) < 0.01) & (abs(pixels[..., 0] - 0.79) < 0.03)
+    grey = (abs(pixels - (0.75 * np.array(to_rgb(FIXED)) + 0.25)) < 0.01).all(axis=2)
     assert orange.sum() > 1000
     assert grey.sum() > 1000
 
@@ -124,6 +126,81 @@ def test_every_picture_shows_the_whole_tool_its_way_and_every_body_that_ends(nam
     )
     assert (places > [left, low]).all()
     assert (places < [right, high]).all()
+
+
+def drawn(name, **changed):
+    """Axes with the picture of a scene, some of its fields changed."""
+    axes = Figure().subplots()
+    draw(load(name).model_copy(update=changed), axes)
+    return axes
+
+
+def texts(axes):
+    """Words in the picture."""
+    return [text.get_text() for text in axes.texts if text.get_text()]
+
+
+@pytest.mark.parametrize("name", names("scenes"))
+def test_every_picture_has_the_description_as_its_title_units_and_one_legend_entry_for_each_kind(name):
+    axes = drawn(name)
+    assert " ".join(axes.get_title().split()) == load(name).description
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [mm]", "y [mm]")
+    labels = axes.get_legend_handles_labels()[1]
+    assert "tool" in labels
+    assert len(set(labels)) == len(labels)
+    assert all(text.get_fontsize() >= 9 for text in axes.texts)
+
+
+def test_what_is_measured_is_a_line_from_where_it_is_0_to_where_it_is_1():
+    axes = drawn("push_block")
+    line = next(line for line in axes.lines if line.get_color() == TARGET)
+    measure, block = load("push_block").measure["pushed"], load("push_block").solids["block"]
+    ends = [(1e-3 * x, 1e-3 * y, block.pose[2]) for x, y in line.get_xydata()]
+    assert [measure.fraction(end) for end in ends] == pytest.approx([0.0, 1.0])
+    assert "measured: pushed" in axes.get_legend_handles_labels()[1]
+    assert TARGET not in [line.get_color() for line in drawn("push_block", measure={}).lines]
+
+
+@pytest.mark.parametrize("gravity", [(0.0, -9.81), (4.905, -8.4957), (-1.0, 0.0)])
+def test_gravity_is_an_arrow_that_points_where_it_pulls(gravity):
+    arrow = next(text for text in drawn("incline", gravity=gravity).texts if not text.get_text())
+    way = np.array(arrow.xy) - arrow.get_position()
+    assert math.atan2(*way) == pytest.approx(math.atan2(*gravity))
+
+
+def test_gravity_says_its_tilt_and_none_is_not_drawn():
+    assert texts(drawn("incline")) == ["gravity, tilted 30°"]
+    assert texts(drawn("incline", gravity=(0.0, -9.81))) == ["gravity"]
+    assert texts(drawn("incline", gravity=(0.0, 0.0))) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "masses"), [("collinear_1e3", ["1 g", "1 kg"]), ("heavy_on_light_1e6", ["10 mg", "10 kg"])]
+)
+def test_bodies_of_very_unlike_masses_say_them(name, masses):
+    assert [text for text in texts(drawn(name)) if text.endswith("g")] == masses
+    assert not [text for text in texts(drawn("stack")) if text.endswith("g")]
+
+
+def test_a_plate_of_half_a_millimetre_is_drawn_thick_enough_to_be_seen():
+    (plate, wall) = (drawn(name).patches for name in ("thin_plate", "wall"))
+    assert max(patch.get_linewidth() for patch in plate) > 2.0
+    assert max(patch.get_linewidth() for patch in wall) < 1.0
+
+
+def test_a_tool_that_is_a_speck_has_a_ring():
+    rings = {name: [line for line in drawn(name).lines if line.get_markersize() > 20] for name in ("pendulum", "wall")}
+    assert len(rings["pendulum"]) == 1
+    assert rings["wall"] == []
+
+
+@pytest.mark.parametrize("velocity", [(2.0, 0.0, 0.0), (-2.0, 0.0, 0.0), (0.0, -2.0, 0.0), (1.2, 1.6, 0.0)])
+def test_a_body_that_moves_at_the_start_has_an_arrow_along_its_way(velocity):
+    body = load("slider_stop").bodies[0].model_copy(update={"velocity": velocity})
+    axes = drawn("slider_stop", bodies=(body,))
+    assert "2 m/s" in texts(axes)
+    arrow = next(line for line in axes.lines if line.get_color() == DRIVEN)
+    assert direction(arrow) == pytest.approx(math.atan2(velocity[1], velocity[0]))
 
 
 @pytest.mark.parametrize("name", names("scenes"))
@@ -244,7 +321,7 @@ def test_the_gallery_has_a_section_and_a_picture_for_every_scene(tmp_path, monke
     gallery.write_gallery(tmp_path / "page")
     page = (tmp_path / "page" / "README.md").read_text()
     for name in ("wall", "four_bar"):
-        assert f"![{name}]({name}.png)" in page
+        assert f"![{load(name).description}]({name}.png)" in page
         assert (tmp_path / "page" / f"{name}.png").read_bytes().startswith(PNG)
 
 
