@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from haptic_device.os_errors import in_words
+from haptic_sim.cli.completion import shipped
 from haptic_sim.cli.numbers import number, whole
 from haptic_sim.cli.progress import INTERRUPTED
 
@@ -21,6 +22,7 @@ SETTLES = 1.0  # [s] that the system takes to set a new port's permissions
 LISTENING = 2.0  # [s]
 
 _NAME = "Device description (a name in config/devices or a file)."
+_BEGIN = "Description to begin with, which has the link and the limits."
 _DOMAIN = "ROS domain in which haptic_bridge or haptic_loopback runs, and no driver; else it is started here."
 _NAMESPACE = "Namespace of the device that runs."
 _JSON = "Print one JSON object instead of a table."
@@ -130,7 +132,7 @@ def _figures(figures, domain):
 
 @device.command("set-up")
 def set_up(
-    name: Annotated[str, typer.Argument(help="Description to begin with, which has the link and the limits.")],
+    name: Annotated[str, typer.Argument(help=_BEGIN, autocompletion=shipped("devices"))],
     out: Annotated[Path, typer.Option(help="Device description to write.")] = Path("device.yaml"),
     answers: Annotated[Path | None, typer.Option(help="YAML file of answers; nobody is asked then.")] = None,
     push: Annotated[
@@ -185,7 +187,7 @@ def _refuse_file(out):
 
 @device.command()
 def test(
-    name: Annotated[str, typer.Argument(help=_NAME)] = "desktop",
+    name: Annotated[str, typer.Argument(help=_NAME, autocompletion=shipped("devices"))] = "desktop",
     motor: Annotated[
         float, number("--motor", "motor units", 0.0, 1.0, help="Motor value that x is given meanwhile (motor units).")
     ] = 0.01,

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from haptic_device.os_errors import in_words
+from haptic_sim.cli.completion import shipped
 from haptic_sim.cli.numbers import number, whole
 from haptic_sim.cli.progress import INTERRUPTED
 
@@ -19,8 +20,8 @@ _DOMAIN = "Identify the driver that runs in this ROS domain, with nobody holding
 
 def identify(
     out: Annotated[Path, typer.Option(help="Device description to write.")] = Path("identified.yaml"),
-    device: Annotated[str, typer.Option(help=_DEVICE)] = "desktop",
-    loopback: Annotated[str | None, typer.Option(help=_LOOPBACK)] = None,
+    device: Annotated[str, typer.Option(help=_DEVICE, autocompletion=shipped("devices"))] = "desktop",
+    loopback: Annotated[str | None, typer.Option(help=_LOOPBACK, autocompletion=shipped("devices"))] = None,
     seconds: Annotated[float, number("--seconds", "s", 3.0, 600.0, help="How long it is shaken (s).")] = 8.0,
     force: Annotated[float, number("--force", "N", help="Largest force of the shaking on each axis (N).")] = 3.0,
     torque: Annotated[float | None, number("--torque", "N m", help=_TORQUE)] = None,

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from haptic_device.config_files import names
+from haptic_sim.cli.completion import shipped
 from haptic_sim.cli.progress import INTERRUPTED, progress
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.explain import explain
@@ -19,19 +20,17 @@ from haptic_sim.scene.language import load
 from haptic_sim.supervision.processes import interruptible
 
 ALL = "all"
+_DRAW = "Write a picture of this scene (a name or a YAML file)."
+_EXPLAIN = "Say what has to be modelled of this scene, by which method."
+_VERIFY = "Measure what each method costs on this scene, and its error, or on `all` ones."
 _OUT = "The picture's file [NAME.png], or a file with a table in which --verify puts its rows."
 
 
 def scenes(
-    draw: Annotated[str | None, typer.Option(help="Write a picture of this scene (a name or a YAML file).")] = None,
+    draw: Annotated[str | None, typer.Option(help=_DRAW, autocompletion=shipped("scenes"))] = None,
     out: Annotated[Path | None, typer.Option(help=_OUT)] = None,
-    explained: Annotated[
-        str | None, typer.Option("--explain", help="Say what has to be modelled of this scene, by which method.")
-    ] = None,
-    measured: Annotated[
-        str | None,
-        typer.Option("--verify", help="Measure what each method costs on this scene, and its error, or on `all` ones."),
-    ] = None,
+    explained: Annotated[str | None, typer.Option("--explain", help=_EXPLAIN, autocompletion=shipped("scenes"))] = None,
+    measured: Annotated[str | None, typer.Option("--verify", help=_VERIFY, autocompletion=shipped("scenes"))] = None,
     gallery: Annotated[Path | None, typer.Option(help="Write a page with all scenes into this folder.")] = None,
 ):
     """List the scenes; draw one; say what the simulation of one takes; measure what each method makes of it."""

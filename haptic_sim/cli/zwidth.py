@@ -10,6 +10,7 @@ import numpy as np
 import typer
 
 from haptic_device.os_errors import in_words
+from haptic_sim.cli.completion import shipped
 from haptic_sim.cli.numbers import number, whole
 from haptic_sim.cli.progress import INTERRUPTED, SCHEDULER, progress
 from haptic_sim.supervision.processes import NodeDiedError, interruptible
@@ -24,7 +25,7 @@ EITHER = "device", "period", "stiffness_max", "as_json"
 
 def zwidth(
     context: typer.Context,
-    device: Annotated[str | None, typer.Option(help=_DEVICE)] = None,
+    device: Annotated[str | None, typer.Option(help=_DEVICE, autocompletion=shipped("devices"))] = None,
     mass: Annotated[float | None, number("--mass", "kg", help="Moving mass m (kg) [0.1].")] = None,
     physical_damping: Annotated[
         float | None, number("--physical-damping", "N s/m", help="Physical damping b (N s/m) [0.5].")
