@@ -19,6 +19,7 @@ from haptic_sim.cli.completion import exchange_method, shipped
 from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.numbers import number, whole
 from haptic_sim.cli.progress import INTERRUPTED, status_line
+from haptic_sim.cli.words import next_step, shown_path
 from haptic_sim.node_parameters import NODES
 from haptic_sim.supervision.domain import isolated_domain
 from haptic_sim.supervision.prepare import prepare, promise, value_of
@@ -76,6 +77,8 @@ def _view(order, host, port):
 
     done = play(order, {"host": host, "port": port})
     print(f"haptic demo: all nodes have ended{_kept(order)}", file=sys.stderr, flush=True)
+    if (order.out / "bag").exists():
+        next_step(f"haptic report {shown_path(order.out / 'bag')}")
     return done
 
 
@@ -211,6 +214,10 @@ def _evaluate(order: Order, started: float) -> dict:
     return found | {"report": str(report)}
 
 
+def _say_next(order: Order, bag: str | None) -> None:
+    next_step(f"haptic report {shown_path(bag)}" if bag else f"haptic doctor, or read {shown_path(order.out / 'log')}")
+
+
 def _conclude(order: Order, found: dict, unended: str, wrong: list[str], as_json: bool) -> bool:
     from haptic_sim.cli.tables import print_outcome
     from haptic_sim.outcome import ANSWERED, not_done, nothing
@@ -226,5 +233,9 @@ def _conclude(order: Order, found: dict, unended: str, wrong: list[str], as_json
     if found["late"]:
         print(f"haptic demo: {found['late']}", file=sys.stderr)
     found = {"scene": order.scene, "done": not why, "why": why, **found, "bag": str(bag) if bag.exists() else None}
-    print(json_text.dumps(found)) if as_json else print_outcome(found)
+    if as_json:
+        print(json_text.dumps(found))
+    else:
+        print_outcome(found)
+        _say_next(order, found["bag"])
     return not why

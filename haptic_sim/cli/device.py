@@ -15,6 +15,7 @@ from haptic_device.os_errors import in_words
 from haptic_sim.cli.completion import shipped
 from haptic_sim.cli.numbers import number, whole
 from haptic_sim.cli.progress import INTERRUPTED
+from haptic_sim.cli.words import console, next_step, shown_path
 
 device = typer.Typer(no_args_is_help=True, help="A device of your own: find it, look at it, describe it, test it.")
 PAUSE = 0.2  # [s] between two looks
@@ -58,7 +59,12 @@ def find(
         else:
             found = device_search.look(baud=baud, patience=wait, hello=not silent)
             found += [device_search.look_at(address, wait) for address in udp or ()]
-    typer.echo(json.dumps({"found": found})) if as_json else _print_found(found)
+    if as_json:
+        typer.echo(json.dumps({"found": found}))
+    else:
+        _print_found(found)
+        if any(one["link"] for one in found):
+            next_step("write this link into a description, then haptic device set-up DESCRIPTION")
     raise typer.Exit(0 if any(one["greeting"] for one in found) else 1)
 
 
@@ -98,7 +104,7 @@ def show(
                     watched.look()
                     time.sleep(0.02)
                 figures, there = watched.figures(), watched.answering()
-                typer.echo(json.dumps(figures)) if as_json else _console().print(_figures(figures, domain))
+                typer.echo(json.dumps(figures)) if as_json else console().print(_figures(figures, domain))
             else:
                 there = _live(watched, domain)
     raise typer.Exit(0 if there else 1)
@@ -160,6 +166,7 @@ def set_up(
         typer.echo(f"wrote {out}; haptic check {out} reads it again")
         if domain is None and namespace is None and questions.yes("identify", IDENTIFY):
             _identify(out)
+        next_step(f"haptic device test {shown_path(out)}")
 
 
 IDENTIFY = "Mass, damping and friction are not measured yet. Shake the handle for 8 s now, with nobody holding it?"
@@ -204,8 +211,11 @@ def test(
     if as_json:
         typer.echo(json.dumps({"checks": [result._asdict() for result in results]}))
     else:
-        _console().print(_results(results))
-    raise typer.Exit(0 if all(result.passed for result in results) else 1)
+        console().print(_results(results))
+    kept = all(result.passed for result in results)
+    if kept and not as_json:
+        next_step(f"haptic demo --scene wall --seconds 20 --device {shown_path(name)}")
+    raise typer.Exit(0 if kept else 1)
 
 
 def _results(results):
@@ -217,12 +227,6 @@ def _results(results):
         verdict = Text("kept", "green") if result.passed else Text("NOT kept", "bold red")
         table.add_row(Text(result.name), verdict, Text(result.figure or result.sentence))
     return table
-
-
-def _console():
-    from rich.console import Console
-
-    return Console(width=None if Console().is_terminal else 140)
 
 
 @contextlib.contextmanager

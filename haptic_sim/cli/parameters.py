@@ -16,6 +16,7 @@ from haptic_device import ros_environment, yaml_reader
 from haptic_device.parameter_types import ROS_OWN, SECTION, unknown
 from haptic_sim.cli.completion import node_name, parameter
 from haptic_sim.cli.numbers import whole
+from haptic_sim.cli.words import next_step, shown_path
 from haptic_sim.supervision.processes import NAMESPACE, parameter_text
 
 LISTENING = 2.0  # [s] in which nodes that are there are found
@@ -75,6 +76,7 @@ def save(
             raise ValueError(f"no node of a display is found in {namespace}; {why}")
     _write(file, _document(found))
     print(f"{file} holds the parameters of {', '.join(found)}")
+    next_step(f"haptic demo --params {shown_path(file)}")
 
 
 def read_value(text: str) -> Any:

@@ -14,6 +14,7 @@ from haptic_device import ros_environment
 from haptic_device.status import LEVELS
 from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.numbers import whole
+from haptic_sim.cli.words import amount, console
 from haptic_sim.supervision.processes import NAMESPACE
 
 STYLES = ("green", "yellow", "bold red", "magenta")
@@ -133,9 +134,7 @@ def _answer(client, service) -> str:
 
 
 def _print(found, domain) -> None:
-    from rich.console import Console
-
-    Console().print(table(found, domain))
+    console().print(table(found, domain))
 
 
 def table(found: dict, domain: int, motor: float | None = None):
@@ -143,8 +142,8 @@ def table(found: dict, domain: int, motor: float | None = None):
     from rich.table import Table
     from rich.text import Text  # what stands in statuses may look like markup
 
-    title = f"ROS domain {domain}" + ("" if motor is None else f", on the hand {motor:.2f} N")
-    rows = Table("node", "figure", "level", "", title=title, caption="" if found else "nothing heard yet")
+    title = f"ROS domain {domain}" + ("" if motor is None else f", on the hand {amount(motor, 'N')}")
+    rows = Table("node", "figure", "level", "now", title=title, caption="" if found else "nothing heard yet")
     for name, entry in found.items():
         node, _, figure = name.partition(": ")
         level = Text(LEVELS[entry["level"]], STYLES[entry["level"]])
