@@ -38,7 +38,7 @@ def _show(found):
     for check in found["checks"]:
         verdict = Text("ok", "green") if check["good"] else Text("warn", "yellow")
         said = check["found"] if check["good"] else f"{check['found']}\n{check['advice']}"
-        machine.add_row(verdict, check["name"], Text(said))
+        machine.add_row(verdict, check["name"], Text(said, overflow="fold"))
     late = Table("rate [Hz]", "median", "99 %", "99.9 %", "largest", "missed", "scheduling", title=TITLE)
     for rate, one in found["servo"].items():
         times = (amount(one[name] * 1e-6, "s") for name in ("p50", "p99", "p999", "max"))

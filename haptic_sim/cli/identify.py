@@ -19,6 +19,7 @@ _LOOPBACK = "Description of the loopback that is started, if it is to be another
 _DOMAIN = "Identify the driver that runs in this ROS domain, with nobody holding the handle."
 
 
+WORDS = {"coulomb": "Coulomb friction", "resolution": "encoder step", "residual": "position error, RMS"}
 PREFIX = {"delay": ("m", 1e3), "resolution": ("µ", 1e6), "residual": ("µ", 1e6)}  # of the table
 
 
@@ -71,12 +72,16 @@ def _show(report):
     from haptic_sim.supervision.identification import UNITS
 
     axes = report["axes"]
-    table = Table("", *axes, title=report["device"])
+    table = Table("", title=report["device"])
+    for axis in axes:
+        table.add_column(axis, no_wrap=True)
     for name, (unit, turning) in UNITS.items():
         prefix, scale = PREFIX.get(name, ("", 1.0))
         unit, turning = f"{prefix}{unit}", f"{prefix}{turning}"
-        label = f"{name} [{unit}, theta {turning}]" if "theta" in axes and turning != unit else f"{name} [{unit}]"
-        table.add_row(escape(label), *(_scaled(*values[name], scale) for values in axes.values()))
+        units = f"{unit}, theta {turning}" if "theta" in axes and turning != unit else unit
+        table.add_row(
+            escape(f"{WORDS.get(name, name)} [{units}]"), *(_scaled(*values[name], scale) for values in axes.values())
+        )
     console().print(table)
     print(f"description  {report['file']}")
 

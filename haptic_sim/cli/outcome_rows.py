@@ -42,7 +42,7 @@ FIGURES = {  # key: (words, scale to the unit, unit)
     "residual unexplained_n": ("of it unexplained", 1.0, "N"),
     **{f"withheld_s {each.name}": (f"force withheld: {each.cause}", 1.0, "s") for each in TABLE},
 }
-LEFT_OUT = ("scene", "done", "why", "cause", "late", "bag", "report", "result", "result_greatest")
+LEFT_OUT = ("scene", "done", "why", "exchange cause", "late", "bag", "report", "result", "result_greatest")
 
 
 def rows(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
@@ -58,10 +58,13 @@ def rows(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 def _flat(found, prefix=""):
     for name, value in found.items():
-        if isinstance(value, dict) and name not in LEFT_OUT:
-            yield from _flat(value, f"{prefix}{name} ")
-        elif name not in LEFT_OUT and (prefix or value is not None):
-            yield prefix + name, value
+        key = prefix + name
+        if key in LEFT_OUT or (value is None and not prefix):
+            continue
+        if isinstance(value, dict):
+            yield from _flat(value, f"{key} ")
+        else:
+            yield key, value
 
 
 def _text(value, scale, unit) -> str:
