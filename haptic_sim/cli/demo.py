@@ -214,8 +214,9 @@ def _evaluate(order: Order, started: float) -> dict:
     return found | {"report": str(report)}
 
 
-def _say_next(order: Order, bag: str | None) -> None:
-    next_step(f"haptic report {shown_path(bag)}" if bag else f"haptic doctor, or read {shown_path(order.out / 'log')}")
+def _say_next(order: Order, found: dict) -> None:
+    shows = found["bag"] and found["exchange"]
+    next_step(f"haptic report {shown_path(found['bag'])}" if shows else f"read {shown_path(order.out / 'log')}")
 
 
 def _conclude(order: Order, found: dict, unended: str, wrong: list[str], as_json: bool) -> bool:
@@ -237,5 +238,5 @@ def _conclude(order: Order, found: dict, unended: str, wrong: list[str], as_json
         print(json_text.dumps(found))
     else:
         print_outcome(found)
-        _say_next(order, found["bag"])
+        _say_next(order, found)
     return not why

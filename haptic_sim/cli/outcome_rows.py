@@ -37,8 +37,8 @@ FIGURES = {  # key: (words, scale to the unit, unit)
     "contact max_force_n": ("strongest contact", 1.0, "N"),
     "contact max_on_hand_n": ("strongest on the hand", 1.0, "N"),
     "contact max_penetration_m": ("deepest overlap", 1.0, "m"),
-    "residual rms_n": ("force on handle plus tool, RMS", 1.0, "N"),
-    "residual explained_by_age_n": ("of it by the age of the tool sample", 1.0, "N"),
+    "residual rms_n": ("mismatch of handle and tool force, RMS", 1.0, "N"),
+    "residual explained_by_age_n": ("of it from the age of the tool sample", 1.0, "N"),
     "residual unexplained_n": ("of it unexplained", 1.0, "N"),
     **{f"withheld_s {each.name}": (f"force withheld: {each.cause}", 1.0, "s") for each in TABLE},
 }

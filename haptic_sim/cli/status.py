@@ -147,5 +147,15 @@ def table(found: dict, domain: int, motor: float | None = None):
     for name, entry in found.items():
         node, _, figure = name.partition(": ")
         level = Text(LEVELS[entry["level"]], STYLES[entry["level"]])
-        rows.add_row(Text("" if figure else node), Text(figure), level, Text(entry["message"]))
+        now = _rounded(entry["message"]) if figure else entry["message"]
+        rows.add_row(Text("" if figure else node), Text(figure.replace("_", " ")), level, Text(now))
     return rows
+
+
+def _rounded(message: str) -> str:
+    """The value and unit that the message of a figure is, to three digits; any other message as it is."""
+    value, _, unit = message.partition(" ")
+    try:
+        return amount(float(value), unit)
+    except ValueError:
+        return message

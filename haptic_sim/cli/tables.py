@@ -18,10 +18,14 @@ from haptic_sim.cli.words import console, figure, print_sentence, with_error
 
 def print_outcome(found: dict) -> None:
     """Prints the figures as a table on standard output."""
-    table = Table("figure", "value", title=Text(f"{found['scene']}: {'done' if found['done'] else 'NOT done'}"))
-    for words, value in rows(found):
-        table.add_row(Text(words), Text(value))
-    console().print(table)
+    title = f"{found['scene']}: {'done' if found['done'] else 'NOT done'}"
+    if found["exchange"]:
+        table = Table("figure", "value", title=Text(title))
+        for words, value in rows(found):
+            table.add_row(Text(words), Text(value))
+        console().print(table)
+    else:
+        print(title)
     if found["why"]:
         print_sentence(f"not done because {found['why']}")
     if cause := (found["exchange"] or {}).get("cause"):

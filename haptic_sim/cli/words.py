@@ -10,6 +10,7 @@ from pathlib import Path
 
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 PREFIXED = ("m", "s", "J", "m/s")
+NONE = 1e-9  # of any unit: what is less is rounding
 PIPED = 120  # columns of a table that goes to a file, where COLUMNS does not say
 
 
@@ -23,12 +24,12 @@ def figure(value: float, digits: int = 3) -> str:
 
 def amount(value: float, unit: str) -> str:
     """A number with its unit, which is of SI without prefix; of metres, seconds and joules the prefix that suits."""
+    if abs(value) < NONE:
+        return f"0 {unit}".rstrip()
     if unit not in PREFIXED or not math.isfinite(value):
         return f"{figure(value)} {unit}".rstrip()
-    for factor, prefix in PREFIXES:
-        if abs(value) >= 0.9995 * factor:
-            return f"{figure(value / factor)} {prefix}{unit}"
-    return f"0 {unit}"
+    factor, prefix = next((one for one in PREFIXES if abs(value) >= 0.9995 * one[0]), PREFIXES[-1])
+    return f"{figure(value / factor)} {prefix}{unit}"
 
 
 def with_error(value: float, error: float | None) -> str:

@@ -66,6 +66,7 @@ RUN = {
         (-2e-3, "J", "-2 mJ"),
         (1e-12, "m", "0 m"),
         (12, "", "12"),
+        (3.7e-17, "N", "0 N"),
         (1234567, "", "1234567"),
         (float("inf"), "N s/m", "inf N s/m"),
     ],
@@ -112,9 +113,11 @@ def test_the_figures_of_a_run_are_words_with_units_and_no_keys():
     assert not any("_" in words for words in said)
 
 
-def test_a_run_that_left_no_figures_has_only_its_length_and_its_faults():
+def test_a_run_that_left_no_figures_has_no_table_and_says_why(capsys):
     from haptic_sim.outcome import nothing
 
+    tables.print_outcome(nothing() | {"scene": "wall", "done": False, "why": "the motor never moved", "bag": None})
+    assert capsys.readouterr().out.splitlines()[:2] == ["wall: NOT done", "not done because the motor never moved"]
     assert dict(outcome_rows.rows(nothing() | {"faults": ["estop"]})) == {
         "length of the run": "0 s",
         "faults": "estop",
@@ -155,7 +158,8 @@ AXIS = {
 IDENTIFIED = {"device": "mine", "axes": dict.fromkeys(("x", "y", "theta"), AXIS), "file": "identified.yaml"}
 SAID = {
     "haptic_driver": {"level": 1, "message": "force withheld: " + 12 * "the tank is empty "},
-    "haptic_driver: lateness": {"level": 0, "message": "12 us"},
+    "haptic_driver: margin_theta": {"level": 0, "message": "4.2723e-05 s"},
+    "haptic_driver: age": {"level": 3, "message": "nothing heard for 3 s"},
 }
 PROMISES = [
     Result("a sample of each deadline", True, "99.9 %", ""),
@@ -228,6 +232,11 @@ def test_the_table_of_a_machine_has_warn_and_what_to_do(shown):
 def test_the_table_of_what_was_identified_has_each_figure_to_its_error(shown):
     said = " ".join(shown("identify").split())
     assert "0.08012 ± 0.00031" in said and "0.1234 ± 0.0022" in said and "[ms]" in said and "[µm" in said
+
+
+def test_the_table_of_a_running_display_has_each_figure_to_three_digits(shown):
+    said = shown("status")
+    assert "margin theta" in said and "42.7 µs" in said and "nothing heard for 3 s" in said
 
 
 def test_the_table_of_walls_says_what_the_wall_at_the_limit_did(shown):
