@@ -107,6 +107,8 @@ def show(
                 typer.echo(json.dumps(figures)) if as_json else console().print(_figures(figures, domain))
             else:
                 there = _live(watched, domain)
+    if not there and not as_json:
+        next_step("haptic device find")
     raise typer.Exit(0 if there else 1)
 
 

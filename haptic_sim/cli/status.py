@@ -14,7 +14,7 @@ from haptic_device import ros_environment
 from haptic_device.status import LEVELS
 from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.numbers import whole
-from haptic_sim.cli.words import amount, console
+from haptic_sim.cli.words import amount, console, next_step
 from haptic_sim.supervision.processes import NAMESPACE
 
 STYLES = ("green", "yellow", "bold red", "magenta")
@@ -43,6 +43,8 @@ def status(
             found = _watch(client, domain, namespace is None)
     if not found and (why := ros_environment.discovery()):
         print(f"haptic status: nothing was heard; {why}", file=sys.stderr)
+    if not found and not json:
+        next_step("haptic demo --view starts a display; --domain N looks into another ROS domain")
     raise typer.Exit(0 if found and max(entry["level"] for entry in found.values()) < LEVELS.index("ERROR") else 1)
 
 
