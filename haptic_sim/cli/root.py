@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What `haptic` takes before the name of a command."""
 
-from importlib.metadata import PackageNotFoundError, version
 from typing import Annotated
 
 import typer
@@ -16,6 +15,8 @@ def _print_version(wanted: bool) -> None:
 
 
 def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version  # which takes time
+
     try:
         return version(PACKAGE)
     except PackageNotFoundError:
