@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Finds the YAML files of config/: in the source tree, in a pip installation, in a colcon workspace, in that order."""
 
+import difflib
 import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 INSTALLED = Path("share/haptic_display/config")
+SHOWN = 6  # names that a refusal lists
 
 
 class ConfigError(ValueError):
@@ -20,13 +22,13 @@ class ConfigError(ValueError):
 def find(folder: str, name) -> Path:
     """The file name if it exists, else config/<folder>/<name>.yaml ("" is config/ itself).
 
-    Raises FileNotFoundError, one sentence with the names that exist.
+    Raises FileNotFoundError, one sentence with the nearest names.
     """
     if Path(name).is_file():
         return Path(name)
     if path := _shipped(folder, name):
         return path
-    raise FileNotFoundError(f"{name} is neither a file nor {_no_name(folder)}")
+    raise FileNotFoundError(f"{name} is neither a file nor {_no_name(folder, name)}")
 
 
 def find_beside(file: Path, folder: str, name: str) -> str:
@@ -39,7 +41,7 @@ def find_beside(file: Path, folder: str, name: str) -> str:
     if path.is_file() and shipped:
         raise ValueError(f"{name!r} is both the file {path} and a name in config/{folder}; write ./{name} for the file")
     if not path.is_file() and not shipped:
-        raise FileNotFoundError(f"{name!r} is neither the file {path} nor {_no_name(folder)}")
+        raise FileNotFoundError(f"{name!r} is neither the file {path} nor {_no_name(folder, name)}")
     return name if shipped else str(path)
 
 
@@ -52,8 +54,14 @@ def _shipped(folder, name):
     return next((path for root in _roots() if (path := root / folder / f"{name}.yaml").is_file()), None)
 
 
-def _no_name(folder):
-    return f"a name in {Path('config', folder)}, which has {', '.join(names(folder)) or 'no file at all'}"
+def _no_name(folder, name):
+    """The known names, of many the nearest six; with the one that is likely meant."""
+    word, known = Path(name).stem, names(folder)
+    nearest = known if len(known) <= SHOWN else difflib.get_close_matches(word, known, SHOWN, 0.0)
+    listed = ", ".join(nearest) + (f" and {len(known) - SHOWN} more" if len(known) > SHOWN else "")
+    meant = difflib.get_close_matches(word, known, 1)
+    asked = f"; did you mean {meant[0]}?" if meant else ""
+    return f"a name in {Path('config', folder)}, which has {listed or 'no file at all'}{asked}"
 
 
 def _roots():

@@ -44,14 +44,14 @@ def checks(priority: int) -> list[Check]:
         _virtual(),
         _throttle(),
         _kernels(),
-        _tool("cyclictest", "`apt install rt-tests`; python -m bench servo measures beside it"),
+        _tool("cyclictest", "`apt install rt-tests`; python -m bench servo runs it too"),
     ]
 
 
 def _preemption():
     version = platform.version()
     full = _read("/sys/kernel/realtime") == "1"
-    kind = next((word for word in version.split() if word.startswith("PREEMPT")), "no preemption told")
+    kind = next((word for word in version.split() if word.startswith("PREEMPT")), "preemption unknown")
     advice = "boot a PREEMPT_RT kernel (Debian: linux-image-rt-amd64; Ubuntu Pro: realtime-kernel)"
     return Check("kernel preemption", f"{'PREEMPT_RT' if full else kind}, Linux {platform.release()}", full, advice)
 
@@ -91,7 +91,7 @@ def _governor():
     good = found <= {"performance"}
     return Check(
         "frequency governor",
-        ", ".join(sorted(map(str, found))) or "none: the clock is not ours to set",
+        ", ".join(sorted(map(str, found))) or "none: this machine lets nobody set its clock",
         good,
         "`cpupower frequency-set -g performance`",
     )
@@ -112,7 +112,7 @@ def _clock():
 
 def _virtual():
     virtual = "hypervisor" in (_read("/proc/cpuinfo") or "")
-    advice = "run on bare metal: what the host takes away no setting here gives back"
+    advice = "run on bare metal: no setting here gives back the time that the host takes"
     return Check("virtual machine", "yes" if virtual else "no", not virtual, advice)
 
 

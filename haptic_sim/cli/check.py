@@ -7,7 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
+from haptic_device import yaml_reader
 from haptic_sim.cli.numbers import number
+from haptic_sim.cli.words import next_step, shown_path
 from haptic_sim.config_problems import problems, remark
 
 _LATENESS = "Lateness of the machine's writes that gains are judged by; measured for half a second by default."
@@ -34,7 +36,16 @@ def check(
             said = remark(path, measure)
             sentences = [f"ok; but {said}" if said else "ok"]
         typer.echo("\n".join(f"{path}: {sentence}" for sentence in sentences))
+    if not wrong:
+        next_step(_run(files[0]))
     raise typer.Exit(1 if wrong else 0)
+
+
+def _run(path: Path) -> str:
+    """The command that runs a right file."""
+    document = yaml_reader.load(path)
+    kind = "--device" if "axes" in document else "--scene" if "tool" in document or "bodies" in document else "--params"
+    return f"haptic demo --view {kind} {shown_path(path)}"
 
 
 def _measured(rate: float, realtime: str) -> float | None:

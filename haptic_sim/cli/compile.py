@@ -14,6 +14,7 @@ import typer
 
 from haptic_device import jit
 from haptic_device.process import die_with_parent
+from haptic_sim.cli.words import next_step
 
 TEXT = "compiling, once for this machine"
 EACH_SECOND = 1.0  # [s] between lines where there is no terminal
@@ -32,6 +33,7 @@ def compile(entries: Annotated[list[str] | None, typer.Argument(help="Some only;
     if wrong:
         raise ValueError(f"not compiled: {'; '.join(wrong)}")
     typer.echo(f"{'all' if not entries else 'these'} kernels are compiled; they are kept in {jit.folder()}")
+    next_step("haptic demo --view")
 
 
 def _compile(names):

@@ -15,15 +15,19 @@ import typer
 from haptic_device.config_files import find
 from haptic_device.os_errors import in_words
 from haptic_device.parameter_files import read_operating_point
+from haptic_sim.cli.completion import exchange_method, shipped
 from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.numbers import number, whole
 from haptic_sim.cli.progress import INTERRUPTED, status_line
+from haptic_sim.cli.words import next_step, shown_path
 from haptic_sim.node_parameters import NODES
 from haptic_sim.supervision.domain import isolated_domain
 from haptic_sim.supervision.prepare import prepare, promise, value_of
 from haptic_sim.supervision.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible, undisturbed
 from haptic_sim.supervision.system import Order, Relay, is_served_by_others, led_by_hand, programs_of
 
+_EXCHANGE = "Exchange method between driver and simulation."
+_PARAMS = "Operating point: a name in config or a YAML file."
 _DELAY = "Round trip added between driver and simulation by a relay [ms]."
 _SCENE = "A name in config/scenes or a YAML file [that of --params, or peg_in_hole]."
 _DEVICE = "Device description, in place of that of --params: a name in config/devices or a YAML file."
@@ -33,14 +37,14 @@ _SECONDS = "Length from the first motor command on; without it the run ends with
 
 
 def demo(
-    scene: Annotated[str | None, typer.Option(help=_SCENE)] = None,
+    scene: Annotated[str | None, typer.Option(help=_SCENE, autocompletion=shipped("scenes"))] = None,
     seconds: Annotated[float | None, number("--seconds", "s", 0.5, 3600.0, help=_SECONDS)] = None,
     out: Annotated[Path | None, typer.Option(help="New folder of the run [haptic_runs/SCENE-TIME].")] = None,
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output, no table.")] = False,
-    exchange: Annotated[str | None, typer.Option(help="Exchange method between driver and simulation.")] = None,
+    exchange: Annotated[str | None, typer.Option(help=_EXCHANGE, autocompletion=exchange_method)] = None,
     rate: Annotated[float | None, number("--rate", "Hz", 500.0, 10000.0, help="Servo rate [Hz].")] = None,
-    params: Annotated[str, typer.Option(help="Operating point: a name in config or a YAML file.")] = "demo",
-    device: Annotated[str | None, typer.Option(help=_DEVICE)] = None,
+    params: Annotated[str, typer.Option(help=_PARAMS, autocompletion=shipped(""))] = "demo",
+    device: Annotated[str | None, typer.Option(help=_DEVICE, autocompletion=shipped("devices"))] = None,
     delay: Annotated[float, number("--delay", "ms", 0.0, 2000.0, help=_DELAY)] = 0.0,
     jitter: Annotated[float, number("--jitter", "ms", 0.0, 2000.0, help=_JITTER)] = 0.0,
     loss: Annotated[float, number("--loss", "", 0.0, 1.0, help=_LOSS)] = 0.0,
@@ -73,6 +77,8 @@ def _view(order, host, port):
 
     done = play(order, {"host": host, "port": port})
     print(f"haptic demo: all nodes have ended{_kept(order)}", file=sys.stderr, flush=True)
+    if (order.out / "bag").exists():
+        next_step(f"haptic report {shown_path(order.out / 'bag')}")
     return done
 
 
@@ -208,6 +214,11 @@ def _evaluate(order: Order, started: float) -> dict:
     return found | {"report": str(report)}
 
 
+def _say_next(order: Order, found: dict) -> None:
+    shows = found["bag"] and found["exchange"]
+    next_step(f"haptic report {shown_path(found['bag'])}" if shows else f"read {shown_path(order.out / 'log')}")
+
+
 def _conclude(order: Order, found: dict, unended: str, wrong: list[str], as_json: bool) -> bool:
     from haptic_sim.cli.tables import print_outcome
     from haptic_sim.outcome import ANSWERED, not_done, nothing
@@ -223,5 +234,9 @@ def _conclude(order: Order, found: dict, unended: str, wrong: list[str], as_json
     if found["late"]:
         print(f"haptic demo: {found['late']}", file=sys.stderr)
     found = {"scene": order.scene, "done": not why, "why": why, **found, "bag": str(bag) if bag.exists() else None}
-    print(json_text.dumps(found)) if as_json else print_outcome(found)
+    if as_json:
+        print(json_text.dumps(found))
+    else:
+        print_outcome(found)
+        _say_next(order, found)
     return not why

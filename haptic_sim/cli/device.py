@@ -12,8 +12,10 @@ from typing import Annotated
 import typer
 
 from haptic_device.os_errors import in_words
+from haptic_sim.cli.completion import shipped
 from haptic_sim.cli.numbers import number, whole
 from haptic_sim.cli.progress import INTERRUPTED
+from haptic_sim.cli.words import console, next_step, shown_path
 
 device = typer.Typer(no_args_is_help=True, help="A device of your own: find it, look at it, describe it, test it.")
 PAUSE = 0.2  # [s] between two looks
@@ -21,6 +23,7 @@ SETTLES = 1.0  # [s] that the system takes to set a new port's permissions
 LISTENING = 2.0  # [s]
 
 _NAME = "Device description (a name in config/devices or a file)."
+_BEGIN = "Description to begin with, which has the link and the limits."
 _DOMAIN = "ROS domain in which haptic_bridge or haptic_loopback runs, and no driver; else it is started here."
 _NAMESPACE = "Namespace of the device that runs."
 _JSON = "Print one JSON object instead of a table."
@@ -56,7 +59,12 @@ def find(
         else:
             found = device_search.look(baud=baud, patience=wait, hello=not silent)
             found += [device_search.look_at(address, wait) for address in udp or ()]
-    typer.echo(json.dumps({"found": found})) if as_json else _print_found(found)
+    if as_json:
+        typer.echo(json.dumps({"found": found}))
+    else:
+        _print_found(found)
+        if any(one["link"] for one in found):
+            next_step("write this link into a description, then haptic device set-up DESCRIPTION")
     raise typer.Exit(0 if any(one["greeting"] for one in found) else 1)
 
 
@@ -96,9 +104,11 @@ def show(
                     watched.look()
                     time.sleep(0.02)
                 figures, there = watched.figures(), watched.answering()
-                typer.echo(json.dumps(figures)) if as_json else _console().print(_figures(figures, domain))
+                typer.echo(json.dumps(figures)) if as_json else console().print(_figures(figures, domain))
             else:
                 there = _live(watched, domain)
+    if not there and not as_json:
+        next_step("haptic device find")
     raise typer.Exit(0 if there else 1)
 
 
@@ -130,7 +140,7 @@ def _figures(figures, domain):
 
 @device.command("set-up")
 def set_up(
-    name: Annotated[str, typer.Argument(help="Description to begin with, which has the link and the limits.")],
+    name: Annotated[str, typer.Argument(help=_BEGIN, autocompletion=shipped("devices"))],
     out: Annotated[Path, typer.Option(help="Device description to write.")] = Path("device.yaml"),
     answers: Annotated[Path | None, typer.Option(help="YAML file of answers; nobody is asked then.")] = None,
     push: Annotated[
@@ -158,6 +168,7 @@ def set_up(
         typer.echo(f"wrote {out}; haptic check {out} reads it again")
         if domain is None and namespace is None and questions.yes("identify", IDENTIFY):
             _identify(out)
+        next_step(f"haptic device test {shown_path(out)}")
 
 
 IDENTIFY = "Mass, damping and friction are not measured yet. Shake the handle for 8 s now, with nobody holding it?"
@@ -185,7 +196,7 @@ def _refuse_file(out):
 
 @device.command()
 def test(
-    name: Annotated[str, typer.Argument(help=_NAME)] = "desktop",
+    name: Annotated[str, typer.Argument(help=_NAME, autocompletion=shipped("devices"))] = "desktop",
     motor: Annotated[
         float, number("--motor", "motor units", 0.0, 1.0, help="Motor value that x is given meanwhile (motor units).")
     ] = 0.01,
@@ -202,8 +213,11 @@ def test(
     if as_json:
         typer.echo(json.dumps({"checks": [result._asdict() for result in results]}))
     else:
-        _console().print(_results(results))
-    raise typer.Exit(0 if all(result.passed for result in results) else 1)
+        console().print(_results(results))
+    kept = all(result.passed for result in results)
+    if kept and not as_json:
+        next_step(f"haptic demo --scene wall --seconds 20 --device {shown_path(name)}")
+    raise typer.Exit(0 if kept else 1)
 
 
 def _results(results):
@@ -215,12 +229,6 @@ def _results(results):
         verdict = Text("kept", "green") if result.passed else Text("NOT kept", "bold red")
         table.add_row(Text(result.name), verdict, Text(result.figure or result.sentence))
     return table
-
-
-def _console():
-    from rich.console import Console
-
-    return Console(width=None if Console().is_terminal else 140)
 
 
 @contextlib.contextmanager

@@ -7,6 +7,9 @@ from typing import Annotated
 import typer
 
 from haptic_sim.cli.numbers import number
+from haptic_sim.cli.words import amount, console, next_step
+
+TITLE = "How late the servo wakes up"
 
 
 def doctor(
@@ -19,20 +22,31 @@ def doctor(
     from haptic_sim.supervision.machine_trial import examine
 
     found = examine(seconds)
-    typer.echo(json.dumps(found)) if as_json else _show(found)
+    if as_json:
+        typer.echo(json.dumps(found))
+        return
+    _show(found)
+    chosen = found["choose"]
+    next_step(f"haptic demo --rate {chosen['servo.rate']}; exchange.rate goes into a file for --params")
 
 
 def _show(found):
+    from rich.table import Table
+    from rich.text import Text
+
+    machine = Table("", "this machine", "found, and how to get more", title="What this machine lets a servo have")
     for check in found["checks"]:
-        typer.echo(f"{'ok  ' if check['good'] else 'more'} {check['name']:20} {check['found']}")
-        if not check["good"]:
-            typer.echo(f"     {'':20} {check['advice']}")
-    typer.echo(f"\n{'servo rate':>10} {'p50':>8} {'p99':>8} {'p99.9':>8} {'max':>9} us late {'missed':>7}  scheduling")
+        verdict = Text("ok", "green") if check["good"] else Text("warn", "yellow")
+        said = check["found"] if check["good"] else f"{check['found']}\n{check['advice']}"
+        machine.add_row(verdict, check["name"], Text(said, overflow="fold"))
+    late = Table("rate [Hz]", "median", "99 %", "99.9 %", "largest", "missed", "scheduling", title=TITLE)
     for rate, one in found["servo"].items():
-        numbers = " ".join(f"{one[name]:8.1f}" for name in ("p50", "p99", "p999"))
-        typer.echo(f"{rate:7} Hz {numbers} {one['max']:9.1f}         {one['missed']:7}  {one['scheduling']}")
-    chosen = found["choose"]
-    typer.echo(
-        f"\nan exchange of peg_in_hole takes {found['exchange_us_p99']:.0f} us (p99)\n"
-        f"choose servo.rate {chosen['servo.rate']} and exchange.rate {chosen['exchange.rate']}"
+        times = (amount(one[name] * 1e-6, "s") for name in ("p50", "p99", "p999", "max"))
+        late.add_row(str(rate), *times, f"{one['missed']} of {one['ticks']}", Text(str(one["scheduling"])))
+    out, chosen = console(), found["choose"]
+    out.print(machine, late)
+    out.print(
+        f"an exchange of peg_in_hole takes {amount(found['exchange_us_p99'] * 1e-6, 's')} (99 %)\n"
+        f"choose servo.rate {chosen['servo.rate']} Hz and exchange.rate {chosen['exchange.rate']} Hz",
+        highlight=False,
     )

@@ -8,8 +8,10 @@ from typing import Annotated
 import typer
 
 from haptic_device.os_errors import in_words
+from haptic_sim.cli.completion import shipped
 from haptic_sim.cli.numbers import number, whole
 from haptic_sim.cli.progress import INTERRUPTED
+from haptic_sim.cli.words import console, next_step, shown_path, with_error
 
 _DEVICE = "Device description that the driver has, the beginning of the search (a name in config/devices or a file)."
 _TORQUE = "Largest torque of the shaking about theta (N m) [a twentieth of its motor's]."
@@ -17,10 +19,14 @@ _LOOPBACK = "Description of the loopback that is started, if it is to be another
 _DOMAIN = "Identify the driver that runs in this ROS domain, with nobody holding the handle."
 
 
+WORDS = {"coulomb": "Coulomb friction", "resolution": "encoder step", "residual": "position error, RMS"}
+PREFIX = {"delay": ("m", 1e3), "resolution": ("µ", 1e6), "residual": ("µ", 1e6)}  # of the table
+
+
 def identify(
     out: Annotated[Path, typer.Option(help="Device description to write.")] = Path("identified.yaml"),
-    device: Annotated[str, typer.Option(help=_DEVICE)] = "desktop",
-    loopback: Annotated[str | None, typer.Option(help=_LOOPBACK)] = None,
+    device: Annotated[str, typer.Option(help=_DEVICE, autocompletion=shipped("devices"))] = "desktop",
+    loopback: Annotated[str | None, typer.Option(help=_LOOPBACK, autocompletion=shipped("devices"))] = None,
     seconds: Annotated[float, number("--seconds", "s", 3.0, 600.0, help="How long it is shaken (s).")] = 8.0,
     force: Annotated[float, number("--force", "N", help="Largest force of the shaking on each axis (N).")] = 3.0,
     torque: Annotated[float | None, number("--torque", "N m", help=_TORQUE)] = None,
@@ -47,7 +53,11 @@ def identify(
         typer.echo("haptic identify: interrupted; the gains are as they were", err=True)
         raise typer.Exit(INTERRUPTED) from None
     report = {"device": described.name, "file": str(out), "axes": found}
-    typer.echo(json.dumps(report)) if as_json else _show(report)
+    if as_json:
+        typer.echo(json.dumps(report))
+        return
+    _show(report)
+    next_step(f"haptic check {shown_path(out)}, then haptic demo --device {shown_path(out)}")
 
 
 def _refuse_folder(out):
@@ -56,17 +66,25 @@ def _refuse_folder(out):
 
 
 def _show(report):
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
-    from haptic_sim.supervision.identification import UNITS, figure_text
+    from haptic_sim.supervision.identification import UNITS
 
     axes = report["axes"]
-    table = Table("", *axes, title=report["device"])
+    table = Table("", title=report["device"])
+    for axis in axes:
+        table.add_column(axis, no_wrap=True)
     for name, (unit, turning) in UNITS.items():
-        label = f"{name} [{unit}, theta {turning}]" if "theta" in axes and turning != unit else f"{name} [{unit}]"
-        table.add_row(escape(label), *(figure_text(*values[name]) for values in axes.values()))
-    console = Console(width=None if Console().is_terminal else 140)
-    console.print(table)
-    console.print(f"description  {report['file']}", soft_wrap=True, highlight=False)
+        prefix, scale = PREFIX.get(name, ("", 1.0))
+        unit, turning = f"{prefix}{unit}", f"{prefix}{turning}"
+        units = f"{unit}, theta {turning}" if "theta" in axes and turning != unit else unit
+        table.add_row(
+            escape(f"{WORDS.get(name, name)} [{units}]"), *(_scaled(*values[name], scale) for values in axes.values())
+        )
+    console().print(table)
+    print(f"description  {report['file']}")
+
+
+def _scaled(value, error, scale):
+    return with_error(value * scale, None if error is None else error * scale)

@@ -9,31 +9,33 @@ import sys
 from haptic_device import ros_environment
 from haptic_device.os_errors import in_words
 from haptic_device.process import handling
+from haptic_sim.cli.completion import COMPLETING, completed_words
 from haptic_sim.cli.progress import INTERRUPTED
 
-COMMANDS = {
-    "check": "haptic_sim.cli.check:check",
-    "compile": "haptic_sim.cli.compile:compile",
-    "compare": "haptic_sim.cli.compare:compare",
-    "demo": "haptic_sim.cli.demo:demo",
-    "device": "haptic_sim.cli.device:device",
-    "docs": "haptic_sim.cli.docs:docs",
-    "doctor": "haptic_sim.cli.doctor:doctor",
-    "get": "haptic_sim.cli.parameters:get",
-    "identify": "haptic_sim.cli.identify:identify",
-    "mark": "haptic_sim.cli.mark:mark",
-    "passivity": "haptic_sim.cli.passivity:passivity",
-    "record": "haptic_sim.cli.record:record",
-    "recover": "haptic_sim.cli.recover:recover",
-    "replay": "haptic_sim.cli.replay:replay",
-    "report": "haptic_sim.cli.report:report",
-    "save": "haptic_sim.cli.parameters:save",
-    "scenes": "haptic_sim.cli.scenes:scenes",
-    "set": "haptic_sim.cli.parameters:set_value",
-    "status": "haptic_sim.cli.status:status",
-    "view": "haptic_sim.cli.view:view",
-    "zwidth": "haptic_sim.cli.zwidth:zwidth",
+COMMANDS = {  # name: (module and function, what it does)
+    "check": ("haptic_sim.cli.check:check", "Say whether configuration files are right."),
+    "compare": ("haptic_sim.cli.compare:compare", "Play one recorded motion at several operating points."),
+    "compile": ("haptic_sim.cli.compile:compile", "Compile the kernels for this machine."),
+    "demo": ("haptic_sim.cli.demo:demo", "Run a whole display on a scene."),
+    "device": ("haptic_sim.cli.device:device", "Find, show, describe and test a device of your own."),
+    "docs": ("haptic_sim.cli.docs:docs", "Print the table of all parameters, or of all faults."),
+    "doctor": ("haptic_sim.cli.doctor:doctor", "Say which servo rate this machine can hold."),
+    "get": ("haptic_sim.cli.parameters:get", "Print the parameters of a running node."),
+    "identify": ("haptic_sim.cli.identify:identify", "Measure mass, damping and friction of a device."),
+    "mark": ("haptic_sim.cli.mark:mark", "Put a marker into the recording that runs."),
+    "passivity": ("haptic_sim.cli.passivity:passivity", "Compute whether gains are passive and stable."),
+    "record": ("haptic_sim.cli.record:record", "Record a running display."),
+    "recover": ("haptic_sim.cli.recover:recover", "Repair a recording that was cut off."),
+    "replay": ("haptic_sim.cli.replay:replay", "Play a recorded motion again."),
+    "report": ("haptic_sim.cli.report:report", "Write a page about recordings."),
+    "save": ("haptic_sim.cli.parameters:save", "Write the parameters of a running display to a file."),
+    "scenes": ("haptic_sim.cli.scenes:scenes", "List, draw, explain and measure scenes."),
+    "set": ("haptic_sim.cli.parameters:set_value", "Set a parameter of a running node."),
+    "status": ("haptic_sim.cli.status:status", "Show a running display, with keys that stop it."),
+    "view": ("haptic_sim.cli.view:view", "Show a running display on a web page."),
+    "zwidth": ("haptic_sim.cli.zwidth:zwidth", "Find the stiffest walls that a device can show."),
 }
+FIRST = "Begin with: haptic demo --view"
 STARTING = ("demo", "record", "view")  # nodes, or a page, before ROS is loaded
 BENCH = "measurements are no part of what is installed; python -m bench, in a clone of the sources, lists and runs them"
 ROS_MISSING = "ROS 2 Jazzy is missing: pip install '.[ros]' in the clone, or source an installed ROS 2 first"
@@ -42,11 +44,13 @@ ROS_MISSING = "ROS 2 Jazzy is missing: pip install '.[ros]' in the clone, or sou
 def main():
     """Entry point. Bad input ends in one sentence on standard error and exit code 1, never in a traceback."""
     with ending_in_a_sentence("haptic"):
-        if sys.argv[1:2] == ["bench"]:
+        words = completed_words() if COMPLETING in os.environ else sys.argv[1:]
+        if words[:1] == ["bench"]:
             raise ValueError(BENCH)
         with handling(lambda number, frame: os._exit(INTERRUPTED)):  # some imports would lose a KeyboardInterrupt
-            application = _application(sys.argv[1:2])
-        _prepare(sys.argv[1:])
+            application = _application(next((word for word in words if not word.startswith("-")), ""))
+        if COMPLETING not in os.environ:
+            _prepare(words)
         application(prog_name="haptic")
 
 
@@ -65,27 +69,38 @@ def ending_in_a_sentence(name: str):
         _refuse(name, ROS_MISSING)
 
 
-def _application(wanted):
-    """The typer application with the wanted subcommand, or with all of them if it is none of them, as for --help."""
+def _application(wanted: str):
+    """The typer application with the wanted command, or with the names of all if it is none of them, as for --help."""
     import typer  # here, where a signal is heard
 
-    app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-    app.callback(help="Haptic display of tool use: run it, check its files, compute its bounds.")(lambda: None)
-    for name in set(wanted) & set(COMMANDS) or COMMANDS:
-        module, function = COMMANDS[name].split(":")
-        command = getattr(importlib.import_module(module), function)
-        if isinstance(command, typer.Typer):  # a group of commands
-            app.add_typer(command, name=name)
-            continue
-        negative = {"ignore_unknown_options": name == "set"}  # -1.0 is a value
-        app.command(name, context_settings=negative)(command)
+    from haptic_sim.cli.root import options
+
+    app = typer.Typer(
+        no_args_is_help=True,
+        add_completion=wanted not in COMMANDS or COMPLETING in os.environ,  # its import takes time
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    app.callback(help="Feel a simulated tool through a haptic handle.", epilog=FIRST)(options)
+    if wanted not in COMMANDS:
+        for name, (_, what) in COMMANDS.items():
+            app.command(name, short_help=what)(lambda: None)
+        return app
+    module, function = COMMANDS[wanted][0].split(":")
+    command = getattr(importlib.import_module(module), function)
+    if isinstance(command, typer.Typer):  # a group of commands
+        app.add_typer(command, name=wanted)
+    else:
+        negative = {"ignore_unknown_options": wanted == "set"}  # -1.0 is a value
+        app.command(wanted, context_settings=negative)(command)
     return app
 
 
 def _prepare(words):
     """Refuses what ROS would not survive; has kernels that a command calls itself, those of nodes are for who starts
     them."""
-    if not words or "--help" in words:
+    if not words or {"-h", "--help"} & set(words):
         return
     if words[0] in STARTING:
         ros_environment.check()

@@ -15,7 +15,7 @@ RECORDER = "haptic_recorder"
 
 
 def mark(
-    text: Annotated[str, typer.Argument(help="What is to stand in the bag.")],
+    text: Annotated[str, typer.Argument(help="Text of the marker.")],
     namespace: Annotated[str, typer.Option(help="Namespace of the system.")] = NAMESPACE,
 ) -> None:
     """Set a marker in the bag that is being recorded, at this moment. Exit code 1 if nobody records."""

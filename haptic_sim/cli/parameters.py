@@ -14,19 +14,21 @@ import typer
 
 from haptic_device import ros_environment, yaml_reader
 from haptic_device.parameter_types import ROS_OWN, SECTION, unknown
+from haptic_sim.cli.completion import node_name, parameter
 from haptic_sim.cli.numbers import whole
+from haptic_sim.cli.words import next_step, shown_path
 from haptic_sim.supervision.processes import NAMESPACE, parameter_text
 
 LISTENING = 2.0  # [s] in which nodes that are there are found
 OF_A_START = {"autostart", "bag"}  # parameters that whoever starts a node gives
-Node = Annotated[str, typer.Argument(help="Name of the node, such as haptic_driver.")]
+Node = Annotated[str, typer.Argument(help="Name of the node, such as haptic_driver.", autocompletion=node_name)]
 Domain = Annotated[int | None, whole("--domain", 0, 232, help="ROS domain [ROS_DOMAIN_ID, or 0].")]
 Namespace = Annotated[str, typer.Option(help="Namespace of the system.")]
 
 
 def set_value(
     node: Node,
-    name: Annotated[str, typer.Argument(help="Name of a live parameter.")],
+    name: Annotated[str, typer.Argument(help="Name of a live parameter.", autocompletion=parameter(live=True))],
     value: Annotated[str, typer.Argument(help="Its value, as in a parameter file; 1500 serves for 1500.0.")],
     domain: Domain = None,
     namespace: Namespace = NAMESPACE,
@@ -42,7 +44,9 @@ def set_value(
 
 def get(
     node: Node,
-    name: Annotated[str | None, typer.Argument(help="Of one parameter only.")] = None,
+    name: Annotated[
+        str | None, typer.Argument(help="Of one parameter only.", autocompletion=parameter(live=False))
+    ] = None,
     domain: Domain = None,
     namespace: Namespace = NAMESPACE,
 ) -> None:
@@ -72,6 +76,7 @@ def save(
             raise ValueError(f"no node of a display is found in {namespace}; {why}")
     _write(file, _document(found))
     print(f"{file} holds the parameters of {', '.join(found)}")
+    next_step(f"haptic demo --params {shown_path(file)}")
 
 
 def read_value(text: str) -> Any:

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from haptic_device.analysis.assessment import Display, advise, assess
 from haptic_device.os_errors import in_words
 from haptic_sim.cli.numbers import number
+from haptic_sim.cli.words import console, figure, next_step, print_sentence
 
 
 def passivity(
@@ -53,6 +53,7 @@ def passivity(
         typer.echo(json.dumps(_report(display, assessment)))
     else:
         _show(display, assessment)
+        next_step(_next(display, assessment))
 
 
 def _save(display, assessment, path):
@@ -74,26 +75,40 @@ def _show(display, assessment):
         table.add_column(column, justify="left" if column == "question" else "right")
     for row in _rows(display, assessment):
         table.add_row(*row)
-    console = Console(width=None if Console().is_terminal else 100)
-    console.print(table)
-    console.print(advise(display, assessment), soft_wrap=True)
+    console().print(table)
+    print_sentence(advise(display, assessment))
+
+
+def _next(display, assessment):
+    if assessment.passive and assessment.mu_passive:
+        wanted = {"coupling.damping": display.damping, "coupling.stiffness": display.stiffness}
+        return "; ".join(f"haptic set haptic_driver {name} {value:g}" for name, value in wanted.items())
+    limit = min(assessment.stiffness_max_passive, assessment.stiffness_max_mu)
+    lower = f"the same with --stiffness {figure(0.9 * limit, 2)}" if limit > 0.0 else "the same with another --damping"
+    return f"{lower}, or more --physical-damping"
 
 
 def _rows(display, assessment):
-    has, wall = f"b = {display.physical_damping:.4g} N s/m", f"K = {display.stiffness:.5g} N/m"
+    has, wall = f"b = {figure(display.physical_damping, 4)} N s/m", f"K = {figure(display.stiffness, 4)} N/m"
     coupling, limit = assessment.b_required_mu, assessment.stiffness_max_passive
     yield (
-        "passive as a wall, any operator",
+        "passive wall, any operator",
         _word(assessment.margin > 0.0),
         has,
-        f"b > {assessment.b_required:.4g} N s/m",
+        f"b > {figure(assessment.b_required, 4)} N s/m",
     )
-    yield "passive as a coupling, any simulation", _word(assessment.mu_passive), has, f"b > {coupling:.4g} N s/m"
+    yield "passive coupling, any simulation", _word(assessment.mu_passive), has, f"b > {figure(coupling, 4)} N s/m"
     if display.resolution > 0.0:
         friction, needed = display.coulomb, assessment.coulomb_required
-        yield "encoder step covered by friction", _word(friction >= needed), f"{friction:.4g} N", f"{needed:.4g} N"
-    yield "largest passive stiffness", _word(display.stiffness < limit), wall, f"K < {limit:.5g} N/m"
-    yield "stable without operator", _word(assessment.stable), wall, f"K < {assessment.stiffness_max_stable:.5g} N/m"
+        yield (
+            "encoder step covered by friction",
+            _word(friction >= needed),
+            f"{figure(friction, 4)} N",
+            f"{figure(needed, 4)} N",
+        )
+    yield "soft enough to be passive", _word(display.stiffness < limit), wall, f"K < {figure(limit, 4)} N/m"
+    stable = f"K < {figure(assessment.stiffness_max_stable, 4)} N/m"
+    yield "stable when nobody holds it", _word(assessment.stable), wall, stable
 
 
 def _word(holds):

@@ -10,6 +10,7 @@ import typer
 from haptic_device import ros_environment
 from haptic_device.nodes import FIRST_ROW
 from haptic_sim.cli.numbers import number
+from haptic_sim.cli.words import next_step, shown_path
 from haptic_sim.supervision.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible
 
 LOOK_PERIOD = 0.05  # s
@@ -95,3 +96,4 @@ def _print_counts(bag: Path) -> None:
         lost = information["custom_data"].get(f"lost {name}", "0")
         typer.echo(f"{name:32} {topic['message_count']:9d} messages, lost: {lost}")
     typer.echo(f"bag {bag}")
+    next_step(f"haptic report {shown_path(bag)}")

@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from haptic_sim.cli.words import next_step, shown_path
+
 
 def recover(bag: Annotated[Path, typer.Argument(help="Folder of a bag, or one .mcap file.")]) -> None:
     """Make a bag whole that was cut off or damaged: its files anew from what can be read, metadata.yaml beside them.
@@ -16,3 +18,4 @@ def recover(bag: Annotated[Path, typer.Argument(help="Folder of a bag, or one .m
 
     for sentence in recovered(bag):
         typer.echo(sentence)
+    next_step(f"haptic report {shown_path(bag)}")

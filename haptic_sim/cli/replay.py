@@ -8,7 +8,11 @@ from typing import Annotated
 
 import typer
 
+from haptic_sim.cli.completion import shipped
 from haptic_sim.cli.numbers import number
+from haptic_sim.cli.words import next_step, shown_path
+
+_PARAMS = "Operating point in place of the bag's own values."
 
 
 class As(StrEnum):
@@ -23,7 +27,7 @@ def replay(
     as_: Annotated[As, typer.Option("--as", help="The hand's target, or the device's own position.")] = As.target,
     check: Annotated[bool, typer.Option("--check", help="Compute the recorded ticks again, bit for bit.")] = False,
     live: Annotated[bool, typer.Option("--live", help="Move the hand of a running loopback device instead.")] = False,
-    params: Annotated[str | None, typer.Option(help="Operating point in place of the bag's own values.")] = None,
+    params: Annotated[str | None, typer.Option(help=_PARAMS, autocompletion=shipped(""))] = None,
     delay: Annotated[float, number("--delay", "s", 0.0, 10.0, help="Delay of the exchange there and back [s].")] = 0.0,
     out: Annotated[Path | None, typer.Option(help="New bag of the replay [haptic_bags/replay-TIME].")] = None,
     namespace: Annotated[str | None, typer.Option(help="Where the bag holds several devices.")] = None,
@@ -55,6 +59,7 @@ def replay(
     rerun.replay(rerun.hand_of(recording, as_ is As.device), point, Network(delay), out)
     print_comparison({"recorded": read_run(bag, namespace), "replayed": read_run(out)})
     typer.echo(f"bag {out}")
+    next_step(f"haptic report {shown_path(bag)} {shown_path(out)}")
 
 
 def _refuse(mode: str, given: dict[str, bool]) -> None:
@@ -85,7 +90,7 @@ def _check(bag: Path, namespace: str | None) -> None:
     if "snapshot" not in recording.clouds:
         raise ValueError(f"bag {bag} has no snapshot of the servo's settings: its ticks cannot be computed again")
     found = verdict_on(recording.trace, recording.clouds["snapshot"], recording.clouds.get("local_contacts"))
-    typer.echo(f"{found.same} ticks computed again are the same to the bit")
+    typer.echo(f"{found.same} ticks computed again are bit-identical")
     if found.skipped:
         typer.echo(f"{found.skipped} ticks had no snapshot before them, without which they cannot be computed")
     if found.different or not found.same:

@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from haptic_device.config_files import names
+from haptic_sim.cli.completion import shipped
 from haptic_sim.cli.progress import INTERRUPTED, progress
+from haptic_sim.cli.words import amount, console, next_step, print_sentence, shown_path
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.explain import explain
 from haptic_sim.reduction.measured import read, said, write
@@ -19,19 +20,17 @@ from haptic_sim.scene.language import load
 from haptic_sim.supervision.processes import interruptible
 
 ALL = "all"
+_DRAW = "Write a picture of this scene (a name or a YAML file)."
+_EXPLAIN = "Say what has to be modelled of this scene, by which method."
+_VERIFY = "Measure what each method costs on this scene, and its error, or on `all` ones."
 _OUT = "The picture's file [NAME.png], or a file with a table in which --verify puts its rows."
 
 
 def scenes(
-    draw: Annotated[str | None, typer.Option(help="Write a picture of this scene (a name or a YAML file).")] = None,
+    draw: Annotated[str | None, typer.Option(help=_DRAW, autocompletion=shipped("scenes"))] = None,
     out: Annotated[Path | None, typer.Option(help=_OUT)] = None,
-    explained: Annotated[
-        str | None, typer.Option("--explain", help="Say what has to be modelled of this scene, by which method.")
-    ] = None,
-    measured: Annotated[
-        str | None,
-        typer.Option("--verify", help="Measure what each method costs on this scene, and its error, or on `all` ones."),
-    ] = None,
+    explained: Annotated[str | None, typer.Option("--explain", help=_EXPLAIN, autocompletion=shipped("scenes"))] = None,
+    measured: Annotated[str | None, typer.Option("--verify", help=_VERIFY, autocompletion=shipped("scenes"))] = None,
     gallery: Annotated[Path | None, typer.Option(help="Write a page with all scenes into this folder.")] = None,
 ):
     """List the scenes; draw one; say what the simulation of one takes; measure what each method makes of it."""
@@ -46,6 +45,7 @@ def scenes(
 
         write_gallery(gallery)
         typer.echo(gallery / "README.md")
+        next_step(f"open {shown_path(gallery / 'README.md')}")
     if measured:
         verify_scenes(measured, out)
     if not (draw or explained or gallery or measured):
@@ -53,14 +53,16 @@ def scenes(
 
 
 def _list():
-    table = Table(title="scenes; haptic scenes --draw NAME, --explain NAME, haptic demo --scene NAME")
+    table = Table(title="Scenes")
     for column in ("name", "what", "DOF", "method", "sub-step"):
-        table.add_column(column, justify="right" if column in ("DOF", "sub-step") else "left")
+        right = "right" if column in ("DOF", "sub-step") else "left"
+        table.add_column(column, justify=right, no_wrap=column != "what")
     for name in names("scenes"):
         scene = load(name)
         reduced = reduce_scene(scene)
-        table.add_row(name, scene.description, str(reduced.needs.dof), reduced.method, f"{reduced.sub_step * 1e3:g} ms")
-    Console(width=None if Console().is_terminal else 120).print(table)
+        table.add_row(name, scene.description, str(reduced.needs.dof), reduced.method, amount(reduced.sub_step, "s"))
+    console().print(table)
+    next_step("haptic scenes --explain NAME, or haptic demo --view --scene NAME")
 
 
 def _draw(name, out):
@@ -70,13 +72,15 @@ def _draw(name, out):
     path = out or Path(f"{Path(name).stem}.png")
     save(scene, path)
     typer.echo(path)
+    next_step(f"open {shown_path(path)}, or haptic demo --view --scene {shown_path(name)}")
 
 
 def _explain(name):
     scene = load(name)
     typer.echo(f"{scene.name}: {scene.description}")
     for question, answer in (*explain(reduce_scene(scene)), *_candidates(scene, name)):
-        typer.echo(f"  {question:<12} {answer}")
+        print_sentence(f"  {question:<12} {answer}", 15)
+    next_step(f"haptic demo --view --scene {shown_path(name)}")
 
 
 def _candidates(scene, name):

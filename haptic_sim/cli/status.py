@@ -14,6 +14,7 @@ from haptic_device import ros_environment
 from haptic_device.status import LEVELS
 from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.numbers import whole
+from haptic_sim.cli.words import amount, console, next_step
 from haptic_sim.supervision.processes import NAMESPACE
 
 STYLES = ("green", "yellow", "bold red", "magenta")
@@ -42,6 +43,8 @@ def status(
             found = _watch(client, domain, namespace is None)
     if not found and (why := ros_environment.discovery()):
         print(f"haptic status: nothing was heard; {why}", file=sys.stderr)
+    if not found and not json:
+        next_step("haptic demo --view starts a display; --domain N looks into another ROS domain")
     raise typer.Exit(0 if found and max(entry["level"] for entry in found.values()) < LEVELS.index("ERROR") else 1)
 
 
@@ -133,9 +136,7 @@ def _answer(client, service) -> str:
 
 
 def _print(found, domain) -> None:
-    from rich.console import Console
-
-    Console().print(table(found, domain))
+    console().print(table(found, domain))
 
 
 def table(found: dict, domain: int, motor: float | None = None):
@@ -143,10 +144,20 @@ def table(found: dict, domain: int, motor: float | None = None):
     from rich.table import Table
     from rich.text import Text  # what stands in statuses may look like markup
 
-    title = f"ROS domain {domain}" + ("" if motor is None else f", on the hand {motor:.2f} N")
-    rows = Table("node", "figure", "level", "", title=title, caption="" if found else "nothing heard yet")
+    title = f"ROS domain {domain}" + ("" if motor is None else f", on the hand {amount(motor, 'N')}")
+    rows = Table("node", "figure", "level", "now", title=title, caption="" if found else "nothing heard yet")
     for name, entry in found.items():
         node, _, figure = name.partition(": ")
         level = Text(LEVELS[entry["level"]], STYLES[entry["level"]])
-        rows.add_row(Text("" if figure else node), Text(figure), level, Text(entry["message"]))
+        now = _rounded(entry["message"]) if figure else entry["message"]
+        rows.add_row(Text("" if figure else node), Text(figure.replace("_", " ")), level, Text(now))
     return rows
+
+
+def _rounded(message: str) -> str:
+    """The value and unit that the message of a figure is, to three digits; any other message as it is."""
+    value, _, unit = message.partition(" ")
+    try:
+        return amount(float(value), unit)
+    except ValueError:
+        return message

@@ -6,61 +6,34 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 from rich.text import Text  # what nodes have said may look like markup
 
 from haptic_device.analysis.report.run import Run
-from haptic_device.control.withheld import TABLE
 from haptic_device.status import number
-
-FORCES = {
-    "contact max_force_n": "strongest contact [N]",
-    "contact max_on_hand_n": "strongest on the hand [N]",
-    "contact max_penetration_m": "deepest overlap [m]",
-}
-"""The report's words for what the simulation and the hand had to bear."""
-WITHHELD = {f"withheld_s {each.name}": f"force withheld [s]: {each.cause}" for each in TABLE}
+from haptic_sim.cli.outcome_rows import rows
+from haptic_sim.cli.words import console, figure, print_sentence, with_error
 
 
 def print_outcome(found: dict) -> None:
     """Prints the figures as a table on standard output."""
-    table = Table("figure", "value", title=Text(f"{found['scene']}: {'done' if found['done'] else 'NOT done'}"))
-    for name, value in _lines(_with_greatest(found)):
-        table.add_row(Text((FORCES | WITHHELD).get(name, name)), Text(value))
-    console = Console()
-    console.print(table)
+    title = f"{found['scene']}: {'done' if found['done'] else 'NOT done'}"
+    if found["exchange"]:
+        table = Table("figure", "value", title=Text(title))
+        for words, value in rows(found):
+            table.add_row(Text(words), Text(value))
+        console().print(table)
+    else:
+        print(title)
     if found["why"]:
-        console.print(Text(f"not done because {found['why']}"), soft_wrap=True)
+        print_sentence(f"not done because {found['why']}")
     if cause := (found["exchange"] or {}).get("cause"):
-        console.print(Text(cause), soft_wrap=True)
+        print_sentence(cause)
     if found["late"]:
-        console.print(Text(found["late"]), soft_wrap=True)
+        print_sentence(found["late"])
     for name in ("bag", "report"):
-        console.print(f"{name:8}{found[name] or 'none'}", soft_wrap=True, highlight=False)
-
-
-def _with_greatest(found: dict) -> dict:
-    """The figures with what the scene measures told by its last and its greatest value."""
-    last, greatest = found["result"], {**found["result"], **found["result_greatest"]}
-    told = {name: f"last {_text(last[name])}, greatest {_text(greatest[name])}" for name in last}
-    return {name: value for name, value in (found | {"result": told}).items() if name != "result_greatest"}
-
-
-def _lines(found: dict):
-    for name, value in found.items():
-        if isinstance(value, dict):
-            yield from ((f"{name} {inner}", text) for inner, text in _lines(value))
-        elif name not in ("scene", "done", "why", "cause", "late", "bag", "report"):
-            yield name, _text(value)
-
-
-def _text(value) -> str:
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    if isinstance(value, list):
-        return ", ".join(value) or "none"
-    return "unknown" if value is None else str(value)
+        print(f"{name:8}{found[name] or 'none'}")
 
 
 def print_notes(bag: Path | str, notes: Iterable[str]) -> None:
@@ -71,20 +44,20 @@ def print_notes(bag: Path | str, notes: Iterable[str]) -> None:
 
 def print_comparison(runs: dict[str, Run]) -> None:
     """Prints one line for each run."""
-    table = Table("run", *FIGURES)
+    table = Table("run", *map(escape, FIGURES))
     for name, run in runs.items():
         table.add_row(name, *figures_of(run))
-    Console(width=max(100, 30 + 18 * len(FIGURES))).print(table)
+    console().print(table)
 
 
 def figures_of(run: Run) -> list[str]:
     """The figures of one run as in FIGURES; a dash where the run does not tell."""
-    return [_told(figure, run) for figure in FIGURES.values()]
+    return [_told(found, run) for found in FIGURES.values()]
 
 
-def _told(figure, run: Run) -> str:
+def _told(found, run: Run) -> str:
     try:
-        return figure(run)
+        return found(run)
     except (ValueError, IndexError):
         return "—"
 
@@ -101,29 +74,29 @@ def _stiffness(run: Run) -> str:
     """Fitted in contact, in the axis that tells most."""
     found = [fitted for (kind, axis), fitted in run.impedances.items() if kind == "contact" and axis != "theta"]
     best = min(found, key=lambda fitted: fitted.stiffness.error / abs(fitted.stiffness.value))
-    return f"{best.stiffness.value:.1f} ± {best.stiffness.error:.1f}"
+    return with_error(best.stiffness.value, best.stiffness.error)
 
 
 def _error(run: Run) -> str:
     """RMS of the distance from handle to tool."""
-    return f"{np.sqrt(np.mean(_known(run.distance) ** 2, dtype=float)) * 1e3:.4f}"
+    return figure(float(np.sqrt(np.mean(_known(run.distance) ** 2, dtype=float))) * 1e3)
 
 
 def _energy(run: Run) -> str:
-    """Largest energy given to the operator: by the truth, or else by the servo's books."""
+    """Largest energy given to the operator: by the truth, or else as the servo counts it."""
     try:
-        return f"{np.max(_known(run.ground_truth.entry('energy_given'))) * 1e3:.3f}"
+        return figure(float(np.max(_known(run.ground_truth.entry("energy_given")))) * 1e3)
     except ValueError:
-        return f"{np.max(_known(run.rows['energy_given'].sum(axis=1))) * 1e3:.3f} booked"
+        return f"{figure(float(np.max(_known(run.rows['energy_given'].sum(axis=1)))) * 1e3)} by the servo"
 
 
 def _wave(run: Run) -> str:
     found = run.spectrum.oscillation
-    return "none" if found is None else f"{found.frequency:.0f} Hz, {found.force:.2g} N"
+    return "none" if found is None else f"{found.frequency:.0f} Hz, {figure(found.force)} N"
 
 
 def _margin(run: Run) -> str:
-    return f"{float(np.min(_known(run.rows['margin'][:, :2]))):.3f} N s/m"
+    return figure(float(np.min(_known(run.rows["least margin [N s/m]"][:, :2]))))
 
 
 def _cpu(run: Run) -> str:
@@ -135,10 +108,10 @@ def _cpu(run: Run) -> str:
 
 
 FIGURES = {
-    "stiffness N/m": _stiffness,
-    "error mm": _error,
-    "energy given mJ": _energy,
+    "stiffness [N/m]": _stiffness,
+    "error [mm]": _error,
+    "energy given [mJ]": _energy,
     "oscillation": _wave,
-    "margin": _margin,
-    "CPU %": _cpu,
+    "least margin [N s/m]": _margin,
+    "CPU [%]": _cpu,
 }

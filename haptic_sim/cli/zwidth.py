@@ -10,8 +10,10 @@ import numpy as np
 import typer
 
 from haptic_device.os_errors import in_words
+from haptic_sim.cli.completion import shipped
 from haptic_sim.cli.numbers import number, whole
 from haptic_sim.cli.progress import INTERRUPTED, SCHEDULER, progress
+from haptic_sim.cli.words import amount, console, figure, next_step, print_sentence, shown_path
 from haptic_sim.supervision.processes import NodeDiedError, interruptible
 
 _DEVICE = "Take m, b, friction, encoder step and delays from this device's x axis (a name in config/devices or a file)."
@@ -19,12 +21,13 @@ _DEVICE = "Take m, b, friction, encoder step and delays from this device's x axi
 _LIVE = "Raise the wall's stiffness on driver and loopback until it shakes, instead of drawing the map of a model."
 _DOMAIN = "With --live: ROS domain of nodes that run already, the hand's motion being follow."
 LIVE_ONLY = "damping", "domain", "namespace"
+SHARES = {"quiet": "quiet", "gives": "energy given to the operator", "shakes": "shaking"}
 EITHER = "device", "period", "stiffness_max", "as_json"
 
 
 def zwidth(
     context: typer.Context,
-    device: Annotated[str | None, typer.Option(help=_DEVICE)] = None,
+    device: Annotated[str | None, typer.Option(help=_DEVICE, autocompletion=shipped("devices"))] = None,
     mass: Annotated[float | None, number("--mass", "kg", help="Moving mass m (kg) [0.1].")] = None,
     physical_damping: Annotated[
         float | None, number("--physical-damping", "N s/m", help="Physical damping b (N s/m) [0.5].")
@@ -82,7 +85,11 @@ def zwidth(
         typer.echo(f"haptic zwidth: interrupted; {kept}", err=True)
         raise typer.Exit(INTERRUPTED) from None
     show = _show_live if live else _show
-    typer.echo(json.dumps(found)) if as_json else show(found)
+    if as_json:
+        typer.echo(json.dumps(found))
+        return
+    show(found)
+    next_step(_next(found, live))
 
 
 def _refuse_options_of_the_other_mode(context: typer.Context, live: bool):
@@ -90,6 +97,17 @@ def _refuse_options_of_the_other_mode(context: typer.Context, live: bool):
     given = [name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"]
     if wrong := ", ".join(f"--{name.replace('_', '-')}" for name in given if (name in LIVE_ONLY) is not live):
         raise ValueError(f"with --live, {wrong} has no meaning" if live else f"{wrong} needs --live")
+
+
+def _next(found, live):
+    if not live:
+        return f"open {shown_path(found['figure'])}; haptic zwidth --live tries the walls on a device"
+    quiet = found["live"]["quiet"]
+    return (
+        "haptic passivity says why"
+        if quiet is None
+        else f"haptic demo --scene wall --view; walls up to {figure(quiet)} N/m stand still"
+    )
 
 
 def _draw(device, given, cells, lateness, out, workers, scheduler):
@@ -113,42 +131,50 @@ def _measure(name, period, damping, stiffness_max, domain, namespace):
 
 
 def _show_live(found):
-    from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     table = Table(
         "figure", "live", "lock-step", title=f"Z-width at {found['rate']:g} Hz, B = {found['damping']:g} N s/m"
     )
     for label, *keys in (
-        ("stiffest quiet wall [N/m]", "quiet"),
-        ("softest shaking wall [N/m]", "shaking"),
-        ("felt damping, nothing cancelled [N s/m]", "damping", "none"),
-        ("felt damping, cancelled [N s/m]", "damping", "cancelled"),
+        ("stiffest wall that stands still [N/m]", "quiet"),
+        ("softest wall that shakes [N/m]", "shaking"),
+        ("damping felt in free space [N s/m]", "damping", "none"),
+        ("the same, 95 % cancelled [N s/m]", "damping", "cancelled"),
     ):
-        table.add_row(label, *(_number(found[side], keys) for side in ("live", "lockstep")))
-    console, at = Console(width=None if Console().is_terminal else 100), found["at_95_percent_of_passive"]
-    console.print(table)
-    console.print(f"passive up to {found['passive']:.5g} N/m; at 95 % of it: {at}", highlight=False)
+        table.add_row(escape(label), *(_number(found[side], keys) for side in ("live", "lockstep")))
+    console().print(table)
+    at_bound = _at_bound(found["at_95_percent_of_passive"])
+    print_sentence(f"passive up to {figure(found['passive'])} N/m{at_bound}")
+
+
+def _at_bound(found):
+    if found["shaking"] is None:
+        return ""
+    shakes = "shakes" if found["shaking"] else "stands still"
+    return f"; a wall at 95 % of that {shakes} and gives {amount(found['energy_given'], 'J')} to the hand"
 
 
 def _number(values, keys):
     for key in keys:
         values = values[key]
-    return "none" if values is None else f"{values:.5g}"
+    return "none" if values is None else figure(values)
 
 
 def _show(found):
-    from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     lines, run = found["stiffness_max"], {"quiet": "all quiet up to", "not_shaking": "none shakes up to"}
     heads = (f"{run.get(name, name.replace('_', ' '))} [N/m]" for name in lines)
-    table = Table("B [N s/m]", *heads, title="Largest stiffness: as run, up to the first cell that is otherwise")
-    for i in np.linspace(0, len(found["damping"]) - 1, 9).astype(int):
+    table = Table(
+        escape("B [N s/m]"), *map(escape, heads), title="Largest stiffness of a wall: by simulation, and by theory"
+    )
+    for i in np.unique(np.linspace(0, len(found["damping"]) - 1, 9).astype(int)):
         row = (found["damping"][i], *(line[i] for line in lines.values()))
-        table.add_row(*("none" if value is None else f"{value:.5g}" for value in row))
-    console = Console(width=None if Console().is_terminal else 100)
-    console.print(table)
-    shares = ", ".join(f"{100 * share:.1f} % {name}" for name, share in found["shares"].items())
-    console.print(f"{found['cells']} cells with operator {found['operator']}: {shares}", highlight=False)
-    console.print(f"map     {found['csv']}\nfigure  {found['figure']}", soft_wrap=True, highlight=False)
+        table.add_row(*("none" if value is None else figure(value) for value in row))
+    console().print(table)
+    shares = ", ".join(f"{SHARES[name]} in {figure(100 * share)} %" for name, share in found["shares"].items())
+    print_sentence(f"{found['cells']} cells with operator {found['operator']}: {shares}")
+    print(f"map     {found['csv']}\nfigure  {found['figure']}")

@@ -25,6 +25,12 @@ def left_out_sentence(seconds: float, of: float, load: float, period: float) -> 
     return f"handle samples came late to the world: {said}, {takes(load, period)}; {QUIETER}"
 
 
+def paused_sentence(times: int, limit: float) -> str:
+    """Says that a world stood still so often because handle samples were over `limit` [s] apart, or out of order."""
+    often = {1: "once", 2: "twice"}.get(times, f"{times} times")
+    return f"simulation paused {often}: handle data was late, over {1e3 * limit:g} ms apart, or out of order"
+
+
 def takes(load: float, period: float) -> str:
     """What a period [s] of the world takes, in words."""
     if math.isnan(load):

@@ -24,7 +24,7 @@ from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.os_errors import in_words
 from haptic_device.realtime.scheduling import go_realtime, lift_interpreter, lift_threads, put_back, spare_collections
 from haptic_sim.exchange.endpoint import ExchangeEndpoint
-from haptic_sim.exchange.left_out_time import left_out_sentence
+from haptic_sim.exchange.left_out_time import left_out_sentence, paused_sentence
 from haptic_sim.exchange.simulation import Added, Simulation, kernels_of
 from haptic_sim.node.exchange_thread import ExchangeThread
 from haptic_sim.node.parameters import FIGURES, PARAMETERS
@@ -134,8 +134,7 @@ class SimulationNode(ManagedNode):
         if not self.exchange.answered:
             return "warn", "no handle sample has come yet"
         if rejoined > 0 and not (late and self.exchange.pace.dear):
-            limit = self.values["max_catch_up"] * 1e3
-            return "warn", f"the world waited {rejoined} times: handle samples over {limit:g} ms apart, or going back"
+            return "warn", paused_sentence(rejoined, self.values["max_catch_up"])
         return ("warn", late) if late else ("ok", "answering")
 
     def _late(self):

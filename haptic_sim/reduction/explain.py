@@ -21,7 +21,7 @@ def explain(reduced: ReducedScene) -> list[tuple[str, str]]:
         ("contacts", _contacts(needs, model)),
         ("friction", "matters" if needs.friction else "no pair that can touch has any"),
         ("restitution", "matters" if needs.restitution else "no pair that can touch has any"),
-        ("rotation", "of the tool matters" if needs.rotation else "of the tool goes its own way"),
+        ("rotation", "of the tool matters" if needs.rotation else "of the tool does not matter to where it is"),
         ("axes", _axes(needs)),
         ("method", f"{reduced.method}: {reduced.reasons[0]}"),
         ("sub-step", f"{reduced.sub_step * 1e3:g} ms: {reduced.reasons[1]}"),

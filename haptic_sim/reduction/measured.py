@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from haptic_device.os_errors import naming
 
+NONE = 1e-9  # [m] of overlap that is rounding
 KEPT = Path(__file__).with_suffix(".csv")
 
 
@@ -63,9 +64,7 @@ def said(row: Measured) -> str:
     """A row in words."""
     if math.isnan(row.error):
         return row.status
-    error = f"relative error {row.error:.1e}" + (f" (known to {row.doubt:.0e})" if row.doubt > row.error else "")
-    created = "" if math.isnan(row.created) else f"creates {row.created:.0e} of the energy about, "
-    return (
-        f"step {row.step_us * 1e-3:g} ms: {error}, {created}overlaps "
-        f"{row.overlap_m * 1e6:.2g} um, takes {row.exchange_us:.0f} us an exchange"
-    )
+    error = f"error {100 * row.error:.2g} %" + (f" (known to {100 * row.doubt:.1g} %)" if row.doubt > row.error else "")
+    created = "" if math.isnan(row.created) else f"energy created {100 * row.created:.1g} %, "
+    overlap = "no overlap" if row.overlap_m < NONE else f"overlap {row.overlap_m * 1e6:.2g} µm"
+    return f"step {row.step_us * 1e-3:g} ms: {error}, {created}{overlap}, {row.exchange_us:.0f} µs an exchange"

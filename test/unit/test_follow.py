@@ -163,10 +163,11 @@ def test_force_that_is_withheld_stands_in_the_line_and_its_cause_in_the_table_of
     with status_line() as show:
         run(monkeypatch, *events, seconds=0.1, show=show)
     found = outcome.nothing() | {"scene": "wall", "done": False, "why": "", "bag": None, "withheld_s": {"tank": 3.2}}
+    found["exchange"] = {"sent": 1000, "answered": 1000}
     print_outcome(found)
     said = capsys.readouterr()
     assert "force withheld for 3.2 s: tank, limit" in said.err
-    assert "force withheld [s]: the energy tank cannot pay" in " ".join(said.out.split()) and "3.2" in said.out
+    assert "force withheld: the energy tank cannot pay" in " ".join(said.out.split()) and "3.2 s" in said.out
 
 
 def test_a_word_that_is_no_fault_of_ours_ends_no_run(monkeypatch):
@@ -178,7 +179,7 @@ def test_words_of_others_are_shown_as_they_are_on_a_terminal_and_in_the_table(mo
     with status_line() as show:
         assert not run(monkeypatch, *strange(), seconds=0.1, show=show)[0].why
     said = {"scene": "[/x]", "done": False, "why": "[/x] [bold", "bag": None, "faults": ["[/x] says [bold"]}
-    found = outcome.nothing() | said
+    found = outcome.nothing() | said | {"exchange": {"sent": 0}}
     print_outcome(found)
     said = capsys.readouterr()
     assert "missed ticks [/x]" in said.err and "[/x] says [bold" in said.out and "[/x] [bold" in said.out

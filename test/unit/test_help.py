@@ -3,7 +3,10 @@
 
 import importlib
 import inspect
+import subprocess
+import sys
 import typing
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -18,7 +21,7 @@ PAGE = (Path(__file__).parents[2] / "docs/cli.md").read_text(encoding="utf-8")
 def functions():
     """{words of a command: its function}, with those of a group one by one."""
     found = {}
-    for name, place in COMMANDS.items():
+    for name, (place, _) in COMMANDS.items():
         module, attribute = place.split(":")
         command = getattr(importlib.import_module(module), attribute)
         if isinstance(command, typer.Typer):
@@ -46,6 +49,46 @@ def told(name):
 def squeezed(text):
     """Without what a terminal's width adds."""
     return "".join(text.split())
+
+
+PAGES = ["", "device", *FUNCTIONS]
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_help_of_every_command_fits_into_eighty_columns(name, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = haptic(*name.split(), "--help").stdout.splitlines()
+    assert lines and max(map(len, lines)) <= 80
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_h_is_help(name):
+    assert haptic(*name.split(), "-h").stdout == haptic(*name.split(), "--help").stdout
+
+
+def test_help_of_haptic_lists_each_command_with_a_whole_sentence_and_imports_none():
+    shown = " ".join(haptic("-h").stdout.split())
+    assert all(f"{name} {what}" in shown and what.endswith(".") for name, (_, what) in COMMANDS.items())
+    code = "import sys; sys.argv[1:] = ['-h']; from haptic_sim.cli.main import main\n"
+    code += "try: main()\nexcept SystemExit: print([m for m in ('numpy', 'haptic_sim.cli.demo') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.splitlines()[-1] == "[]", done
+
+
+def test_version_is_that_of_the_package():
+    done = haptic("--version")
+    assert (done.returncode, done.stdout) == (0, f"haptic_display {version('haptic_display')}\n")
+
+
+def test_a_command_that_is_none_is_refused_with_the_nearest():
+    done = haptic("dmeo")
+    assert done.returncode == 2 and "No such command 'dmeo'. Did you mean 'demo'?" in done.stderr
+    assert haptic("nonsense").returncode == 2
+
+
+def test_haptic_alone_says_what_there_is_and_where_to_begin():
+    done = haptic()
+    assert "Begin with: haptic demo --view" in done.stdout + done.stderr
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)

@@ -242,6 +242,6 @@ def test_the_ticks_of_a_bag_are_computed_again_with_the_contacts_in_it_and_not_w
     topics["trace"] = np.concatenate(rows)
     assert topics["trace"]["local"][-1] == 1.0 and topics["trace"]["force_coupling"][-1, 0] > 1.0
     replay(written(tmp_path / "whole", **topics, local_contacts=points_of(np.concatenate(sets))), check=True)
-    assert capsys.readouterr().out == "4000 ticks computed again are the same to the bit\n"
+    assert capsys.readouterr().out == "4000 ticks computed again are bit-identical\n"
     with pytest.raises(ValueError, match="ticks differ"):
         replay(written(tmp_path / "bare", **topics), check=True)

@@ -10,7 +10,7 @@ from slow_method import Slow
 
 from haptic_sim.exchange import endpoint, left_out_time
 from haptic_sim.exchange.endpoint import MEDIAN, SILENCE_NS, ExchangeEndpoint, Pace
-from haptic_sim.exchange.left_out_time import NOTICED, SHARE, left_out_sentence
+from haptic_sim.exchange.left_out_time import NOTICED, SHARE, left_out_sentence, paused_sentence
 from haptic_sim.exchange.port import port_of
 from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.method_registry import METHODS, Entry
@@ -250,3 +250,9 @@ def test_a_world_is_too_dear_above_its_share_of_the_period(load, word):
 def test_what_is_not_worth_a_word_is_not_said():
     assert left_out_sentence(NOTICED, 1.0, 1.5, 1e-3) == ""
     assert left_out_sentence(NOTICED + 1e-9, 1.0, 1.5, 1e-3) != ""
+
+
+@pytest.mark.parametrize(("times", "often"), [(1, "once"), (2, "twice"), (3, "3 times")])
+def test_a_world_that_stood_still_says_how_often_and_why(times, often):
+    said = f"simulation paused {often}: handle data was late, over 20 ms apart, or out of order"
+    assert paused_sentence(times, 0.02) == said

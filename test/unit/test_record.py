@@ -68,7 +68,8 @@ def test_so_many_seconds_are_those_from_the_first_row_on(recorded, tmp_path):
     for first in (6.0, 40.0):
         found = recorded(seconds=4.0, first=first)
         assert first + 4.0 <= found.ended <= first + 4.0 + 4 * record.LOOK_PERIOD
-        assert found.said == f"recording to {tmp_path / 'out' / 'bag'}"
+        bag = tmp_path / "out" / "bag"
+        assert found.said.splitlines() == [f"recording to {bag}", f"next: haptic report {bag}"]
         (tmp_path / "out" / "bag" / "metadata.yaml").unlink()
         (tmp_path / "out" / "bag").rmdir()
 

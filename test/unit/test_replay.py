@@ -300,7 +300,7 @@ def test_compare_prints_a_line_for_each_operating_point_and_leaves_a_report(bag,
     soft = tmp_path / "soft.yaml"
     soft.write_text("/**/haptic_driver:\n  ros__parameters:\n    coupling: {stiffness: 400.0}\n")
     words = ["compare", str(bag), str(soft), str(soft), "--out", str(tmp_path / "out")]
-    said = CliRunner().invoke(_application(["compare"]), words)
+    said = CliRunner().invoke(_application("compare"), words)
     assert said.exit_code == 0, said.output
     assert "1-soft" in said.output and "2-soft" in said.output and (tmp_path / "out/report/report.html").exists()
 

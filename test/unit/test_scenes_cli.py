@@ -240,8 +240,8 @@ def test_an_explanation_ends_with_what_each_candidate_costs_and_errs():
     said = haptic("scenes", "--explain", "wall").stdout.splitlines()[-3:]
     assert [line.split()[0] for line in said] == ["closed_form", "impulse", "partitioned"]
     for line, row in zip(said, of_scene("wall"), strict=True):
-        assert f"relative error {row.error:.1e}" in line
-        assert f"takes {row.exchange_us:.0f} us an exchange" in line
+        assert f"error {100 * row.error:.2g} %" in line
+        assert f"{row.exchange_us:.0f} µs an exchange" in line
 
 
 def test_a_scene_that_is_not_shipped_as_it_stands_is_not_measured_and_says_how_to(tmp_path):

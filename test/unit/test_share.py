@@ -50,7 +50,22 @@ def test_an_unknown_name_is_refused_with_the_names_there_are(prefixes):
         config_files.find("scenes", "peg_in_hoel")
     sentence = str(caught.value)
     assert sentence.startswith("peg_in_hoel is neither a file nor a name in config/scenes, which has ")
-    assert "peg_in_hole" in sentence
+    assert sentence.endswith("more; did you mean peg_in_hole?")
+    assert len(sentence.split("which has ")[1].split(", ")) == config_files.SHOWN
+
+
+def test_a_name_that_is_like_none_is_refused_with_the_nearest_and_no_guess(prefixes):
+    with pytest.raises(FileNotFoundError) as caught:
+        config_files.find("scenes", "nonsense")
+    assert str(caught.value).endswith(" more") and "did you mean" not in str(caught.value)
+
+
+@pytest.mark.parametrize("count", [config_files.SHOWN, config_files.SHOWN + 1])
+def test_six_names_are_all_listed_and_of_seven_one_is_counted(monkeypatch, count):
+    monkeypatch.setattr(config_files, "names", lambda folder: [f"scene_{k}" for k in range(count)])
+    with pytest.raises(FileNotFoundError) as caught:
+        config_files.find("scenes", "nowhere")
+    assert ("and 1 more" in str(caught.value)) == (count > config_files.SHOWN)
 
 
 def test_an_empty_folder_is_said_to_be_empty():

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a shell completes of a `haptic` line."""
+
+import pytest
+from in_process import haptic
+
+from haptic_device.config_files import names
+from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_sim.cli.completion import COMPLETING
+from haptic_sim.cli.main import COMMANDS
+from haptic_sim.node_parameters import NODES
+
+
+@pytest.fixture
+def completed(monkeypatch):
+    """completed(line): what bash is offered for the last word of it."""
+
+    def ask(line):
+        monkeypatch.setenv("COMP_WORDS", line)
+        monkeypatch.setenv("COMP_CWORD", str(len(line.split()) - (not line.endswith(" "))))
+        monkeypatch.setenv(COMPLETING, "complete_bash")
+        return haptic().stdout.split()
+
+    return ask
+
+
+def live(node, live=True):
+    return {each.name for each in NODES[node] if each.live or not live}
+
+
+def test_the_commands_are_offered_and_those_that_begin_so(completed):
+    assert set(completed("haptic ")) == set(COMMANDS)
+    assert completed("haptic rec") == ["record", "recover"]
+    assert set(completed("haptic device ")) == {"find", "show", "set-up", "test"}
+
+
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [
+        ("demo --scene ", set(names("scenes"))),
+        ("demo --scene peg_w", {"peg_wedged"}),
+        ("demo --params ", set(names(""))),
+        ("demo --device ", set(names("devices"))),
+        ("demo --exchange ", set(EXCHANGE_METHODS)),
+        ("scenes --explain wal", {"wall"}),
+        ("zwidth --device desk", {"desktop"}),
+        ("device test desk", {"desktop"}),
+        ("get ", set(NODES)),
+        ("get haptic_driver servo.", {name for name in live("haptic_driver", False) if name.startswith("servo.")}),
+        ("set haptic_driver ", live("haptic_driver")),
+        ("set nobody ", set()),
+    ],
+)
+def test_names_are_offered(completed, line, offered):
+    assert set(completed(f"haptic {line}")) == offered
+
+
+def test_options_are_offered(completed):
+    assert completed("haptic demo --sce") == ["--scene"]
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_script_of_a_shell_asks_haptic(monkeypatch, shell):
+    monkeypatch.setenv(COMPLETING, f"source_{shell}")
+    assert f"{COMPLETING}=complete_{shell}" in haptic().stdout
