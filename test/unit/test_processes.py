@@ -105,7 +105,7 @@ def test_a_domain_that_is_given_is_kept(tmp_path, monkeypatch):
     assert os.environ["ROS_DOMAIN_ID"] == "57"
 
 
-def test_a_node_that_dies_is_named_with_its_last_line(tmp_path, program):
+def test_a_node_that_dies_is_named_with_its_last_error(tmp_path, program):
     with Nodes(tmp_path / "log") as nodes:
         nodes.start(program("falling_node", _FALLS))
         wait_for_line(nodes, "falling_node", "RuntimeError: the motor is gone")
@@ -205,15 +205,16 @@ def test_behind_a_relay_one_answer_is_enough_and_none_is_said():
 
 @pytest.mark.parametrize("entry", TABLE, ids=lambda entry: entry.name)
 def test_nothing_is_done_with_a_fault_whose_cause_and_next_step_are_said(entry):
-    fell = f"haptic_driver fell into fault {entry.name} ({entry.cause}); what clears it: {entry.clear}"
-    assert not_done(outcome(faults=[entry.name], result={"insertion_fraction": 1.0})) == fell
-    unended = f"the motion did not end: {fell}"
+    said = not_done(outcome(faults=[entry.name], result={"insertion_fraction": 1.0}))
+    assert said.startswith(f"{entry.title} (fault {entry.name}): {entry.cause}. ")
+    assert said.lower().endswith(f"{entry.first.lower()}{', then ' if entry.first else ''}press r and e in haptic status.")
+    unended = f"the motion did not end: {said}"
     assert not_done(outcome(faults=[entry.name]), unended) == unended
 
 
 def test_nothing_is_done_without_figures_and_what_went_wrong_is_said():
     assert not_done(nothing()) == "the run left no figures"
-    died = "haptic_simulation ended with exit code -9: killed"
+    died = "haptic_simulation was ended by SIGKILL (signal 9)"
     assert not_done(nothing() | {"faults": [died]}) == died
 
 
