@@ -79,7 +79,7 @@ class TroubleFinder:
         button = f"Start {who[0].lower()}{who[1:]} again" if self._nodes else ""
         first = "" if button else f"Start again: {', '.join(map(self._command, found))}"
         told = f"{title}: {why}. " + (f'Press "{button}" on the page.' if button else f"{first}.")
-        return Trouble(title, f"{_capital(why)}.", first, button, tuple(found), told=told)
+        return Trouble(title, f"{why}.", first, button, tuple(found), told=told)
 
     def _command(self, name):
         return f"ros2 run haptic_display {name} --ros-args -r __ns:={self._client.node.get_namespace()}"
