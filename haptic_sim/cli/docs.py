@@ -44,15 +44,16 @@ A fault is a latched reason why the motor is off. It stays until it is cleared: 
 | `haptic status` | press `r`, then `e` |
 | a program | call `~/reset`, then `~/enable` |
 
-A fault whose cause still stands is latched again at once. The page, `haptic demo` and `haptic status` tell its cause with its
-number, from the tick that latched it: the entry `fault_detail` of the driver's diagnostics.
+A fault whose cause still stands is latched again at once. The page, `haptic demo` and `haptic status` tell its cause
+with its number, from the tick that latched it: the entry `fault_detail` of the driver's diagnostics.
 
 11 to 14 are what a device says of itself ([link_protocol.md](link_protocol.md#sample-4)). An end switch is a fault only
 while the display is enabled: a handle that rests on one may be led away, and enabling it there latches before any
 force.
 
 `test/live/test_driver.py` and `test/live/test_fault_live.py` provoke each but 11 to 14 on running nodes,
-`test/unit/test_servo.py` and `test/unit/test_device_faults.py` all tick by tick.
+`test/unit/test_servo.py` and `test/unit/test_device_faults.py` all tick by tick, `test/browser/test_faults.py` all on
+the page.
 
 | code | name | in words | what latched it | what the motor does | what to do first |
 |---|---|---|---|---|---|

@@ -12,7 +12,10 @@ SAID = (
     (r"call ~/reset first", PRESS),
     (r"set clutch\.open to false", "close the clutch: clutch.open under Expert"),
 )
-LATCHED, AGAIN = re.compile(r"fault (\w+) is latched; call ~/reset first"), re.compile(r"fault (\w+) is latched again.*")
+LATCHED, AGAIN = (
+    re.compile(r"fault (\w+) is latched; call ~/reset first"),
+    re.compile(r"fault (\w+) is latched again.*"),
+)
 ABSENT = re.compile(r"haptic_(\w+) offers no ~/\w+ in .*")
 SILENT = re.compile(r"haptic_(\w+) did not answer ~/(\w+) within (.*)")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is wrong with the display, and what a person does and presses: nodes that ended or are silent, a latched fault."""
+"""What is wrong with the display, and what to do and press: nodes that ended or are silent, a latched fault."""
 
 import time
 from typing import NamedTuple

@@ -142,7 +142,9 @@ def test_a_button_that_cannot_clear_a_fault_says_why_in_the_words_of_the_page(pa
     faked.stuck = True
     page.until_text("fault_title", "outside the workspace")
     page.page.click("#fault_button")
-    page.until_text("fault_answer", "its cause is still there. Lead the handle back into the workspace, then press Reset")
+    page.until_text(
+        "fault_answer", "its cause is still there. Lead the handle back into the workspace, then press Reset"
+    )
     page.page.click("[data-service=enable]")
     page.until_text("hint", "Handle outside the workspace is active. Press Reset and engage.")
     for scheme in ("light", "dark"):
@@ -172,7 +174,9 @@ def test_a_display_that_withholds_force_is_not_green_and_says_what_the_hand_must
     page.until_text("withheld", "Tool not felt. Lead the handle to the tool")
     assert page.text("state") == "engaged: tool not felt" and page.page.get_attribute("#state", "data-level") == "warn"
     faked.withheld = ""
-    page.until("document.getElementById('withheld').hidden && document.getElementById('state').dataset.level === 'good'")
+    page.until(
+        "document.getElementById('withheld').hidden && document.getElementById('state').dataset.level === 'good'"
+    )
 
 
 def node_of(system, module):
@@ -189,7 +193,11 @@ def live(tab):
     return tab
 
 
-DRIVER, LOOPBACK, SIMULATION = "haptic_device.nodes.driver", "haptic_device.nodes.loopback", "haptic_sim.node.simulation"
+DRIVER, LOOPBACK, SIMULATION = (
+    "haptic_device.nodes.driver",
+    "haptic_device.nodes.loopback",
+    "haptic_sim.node.simulation",
+)
 
 
 def test_the_e_stop_is_told_and_one_press_goes_on(live):
@@ -221,7 +229,11 @@ def test_a_handle_led_out_of_the_workspace_is_led_back_by_the_button(live, ros_d
 
 @pytest.mark.parametrize(
     ("module", "ended", "who"),
-    [(SIMULATION, signal.SIGKILL, "simulation"), (DRIVER, signal.SIGKILL, "driver"), (LOOPBACK, signal.SIGSTOP, "device")],
+    [
+        (SIMULATION, signal.SIGKILL, "simulation"),
+        (DRIVER, signal.SIGKILL, "driver"),
+        (LOOPBACK, signal.SIGSTOP, "device"),
+    ],
     ids=("killed simulation", "killed driver", "stopped device"),
 )
 def test_a_node_that_ended_or_is_silent_is_told_and_started_again_by_the_button(system, live, module, ended, who):
