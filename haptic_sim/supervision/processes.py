@@ -162,7 +162,7 @@ def _end(process: subprocess.Popen) -> bool:
 
 
 def _is_error(line: str, killed: bool) -> bool:
-    """Whether a line says what went wrong, as do the last words of a node that ended by itself, unless logged as less."""
+    """Whether a line is an error, or the last words of a node that ended by itself, unless logged as less."""
     return line.startswith(("[ERROR]", "[FATAL]")) or not (killed or line.startswith(("[INFO]", "[WARN]", "[DEBUG]")))
 
 

@@ -2,6 +2,8 @@
 """The number of a latched fault, out of the rows of a servo, and the sentences that are made of it."""
 
 import re
+import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +11,8 @@ from test_servo import PROVOKE, pressing
 
 from haptic_device.control import enable_state, faults
 from haptic_device.nodes.fault_detail import KEPT, LatchedFault, number
+from haptic_device.status import Status
+from haptic_sim.cli.status import newest
 from haptic_sim.fault_sentence import FAULTS, PRESS, cause, fell, steps, what_to_do
 
 TOLD = {
@@ -105,6 +109,18 @@ def test_the_number_of_a_fault_is_not_that_of_the_fault_after_it():
     PROVOKE["estop"](runner)
     latched.add(np.concatenate(runner.rows).ravel()[-20:], runner.settings[0])
     assert latched.sentence(faults.ESTOP) == latched.sentence(faults.POSITION) == ""
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_haptic_status_tells_a_fault_in_its_words_and_what_else_a_node_says_as_it_is(name):
+    def shown(**values):
+        said = {"haptic_driver": Status(0, 2, "its own words", values)}
+        node = SimpleNamespace(get_namespace=lambda: "/haptic")
+        client = SimpleNamespace(statuses=said, heard={"haptic_driver": time.monotonic()}, node=node)
+        return newest(client)["haptic_driver"]["message"]
+
+    assert shown(fault=name, fault_detail="1 m") == what_to_do(name, "1 m")
+    assert shown(fault="") == shown(fault="of a newer driver") == shown() == "its own words"
 
 
 @pytest.mark.parametrize("name", FAULTS)
