@@ -1,17 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is said of a driver that fell into a fault: which, why, and what clears it."""
+"""What is said of a driver that fell into a fault: which, why, and what to do; in words for a page and a terminal."""
 
 from haptic_device.control.faults import TABLE
 
 FAULTS = {fault.name: fault for fault in TABLE}
 """The rows of the table of faults by name."""
+PRESS = "press Reset and engage"
+TYPE = "press r and e in haptic status"
 
 
-def fell(name: str) -> str:
-    """Which fault, and its cause."""
-    return f"haptic_driver fell into fault {name} ({FAULTS[name].cause})"
+def cause(name: str, number: str = "") -> str:
+    """Why, with its number where that is known."""
+    return "; ".join(filter(None, (FAULTS[name].cause, number)))
 
 
-def what_to_do(name: str) -> str:
-    """Which fault, its cause, and what clears it."""
-    return f"{fell(name)}; what clears it: {FAULTS[name].clear}"
+def fell(name: str, number: str = "") -> str:
+    """Which fault, and its cause. number: the driver's entry `fault_detail`."""
+    return f"{FAULTS[name].title} (fault {name}): {cause(name, number)}"
+
+
+def what_to_do(name: str, number: str = "") -> str:
+    """Which fault, its cause, and what to do, in a terminal."""
+    return f"{fell(name, number)}. {steps(name, TYPE)}"
+
+
+def steps(name: str, last: str = PRESS) -> str:
+    """What a person does first, if anything, and then."""
+    first = FAULTS[name].first
+    return _sentence(f"{first}, then {last}" if first else last)
+
+
+def _sentence(words):
+    return f"{words[0].upper()}{words[1:]}."

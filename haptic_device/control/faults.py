@@ -18,89 +18,145 @@ BY_DEVICE = "zero: cut by the device by itself, and kept so"
 
 
 class Fault(NamedTuple):
-    """code: as in the trace; cause: what latched it; motor: what it does; clear: how a person clears it."""
+    """code: as in the trace; title: for people; cause: what latched it; number: how much, by the fields of
+    haptic_device/nodes/fault_detail.py; motor: what it does; first: what a person does before a reset, "" if nothing.
+    """
 
     code: int
     name: str
+    title: str
     cause: str
+    number: str
     motor: str
-    clear: str
+    first: str
 
 
 TABLE = (
-    Fault(ESTOP, "estop", "~/estop was called", "zero in the tick that takes the command", "~/reset, then ~/enable"),
+    Fault(
+        ESTOP,
+        "estop",
+        "Emergency stop",
+        "a person or a program pressed stop",
+        "",
+        "zero in the tick that takes the command",
+        "",
+    ),
     Fault(
         DEVICE_SILENT,
         "device_silent",
-        "the device answered no tick for fault.silence",
+        "Device does not answer",
+        "the device did not answer for longer than fault.silence",
+        "no answer for {time:.3g} s; the limit is {limit:.3g} s",
         "zero in the tick that finds it; a device without writes cuts it by itself",
-        "start the device, ~/reset",
+        "check the device: its power, its cable, its program",
     ),
-    Fault(NOT_A_NUMBER, "not_a_number", "a force or an input was not finite", THIS_TICK, "~/reset; report it"),
+    Fault(
+        NOT_A_NUMBER,
+        "not_a_number",
+        "Not a number",
+        "a position or a force was not finite",
+        "the {what} along {axis} was {value}",
+        THIS_TICK,
+        "keep the recording and report it",
+    ),
     Fault(
         ENCODER_JUMP,
         "encoder_jump",
+        "Encoder jump",
         "the position changed faster than twice the velocity limit",
+        "{axis} moved by {value:.4g} {unit} in {time:.3g} ms; the limit is {limit:.4g} {unit}",
         THIS_TICK,
-        "check the encoder, ~/reset",
+        "check the encoder and its cable",
     ),
     Fault(
         POSITION,
         "position",
-        "the handle left the workspace of the device description",
+        "Handle outside the workspace",
+        "the handle left the workspace of the device",
+        "the handle was at {axis} = {value:.4g} {unit}; the workspace ends at {limit:.4g} {unit}",
         THIS_TICK,
-        "move it back, ~/reset",
+        "lead the handle back into the workspace",
     ),
-    Fault(VELOCITY, "velocity", "the handle was faster than the device's velocity limit", THIS_TICK, "~/reset"),
+    Fault(
+        VELOCITY,
+        "velocity",
+        "Handle too fast",
+        "the handle was faster than the device's velocity limit",
+        "{value:.3g} {unit}/s along {axis}; the limit is {limit:.3g} {unit}/s",
+        THIS_TICK,
+        "hold the handle still",
+    ),
     Fault(
         SATURATION,
         "saturation",
+        "Motor at its limit for too long",
         "more than a motor's limit was wanted for longer than fault.saturation",
+        "{value:.3g} {force} wanted along {axis} for {time:.3g} s; the limit is {limit:.3g} {force}",
         "zero in the next tick",
-        "~/reset",
+        "lead the handle out of the walls and to the tool",
     ),
     Fault(
         DEVICE_WATCHDOG,
         "device_watchdog",
-        "the device had cut the motor: the servo was silent too long",
+        "Device cut its motor",
+        "the device heard nothing from the servo for too long",
+        "no command for {time:.3g} s",
         "zero: cut by the device when its watchdog (15 ms) was over, and kept so",
-        "~/reset",
+        "end other programs that keep the machine busy",
     ),
     Fault(
         DUTY,
         "duty",
+        "Motor too warm",
         "a motor's thermal load rose above fault.duty",
+        "a load of {value:.3g} of the limit of {axis}; fault.duty is {limit:.3g}",
         "zero in the next tick",
-        "let it cool, ~/reset",
+        "let the motor cool",
     ),
     Fault(
         UNATTENDED,
         "unattended",
+        "Driver stood still",
         "the thread that serves the driver, or the one that hears its commands, stood still for fault.unattended",
+        "the limit is {limit:.3g} s",
         THIS_TICK,
-        "~/reset",
+        "end other programs that keep the machine busy",
     ),
     Fault(
         DEVICE_ESTOP,
         "device_estop",
+        "Emergency-stop button of the device",
         "the emergency-stop button of the device was pressed",
+        "",
         BY_DEVICE,
-        "release the button, ~/reset, then ~/enable",
+        "release the button",
     ),
-    Fault(DEVICE_HOT, "device_hot", "the device was too hot and cut its motors", BY_DEVICE, "let it cool, ~/reset"),
+    Fault(
+        DEVICE_HOT,
+        "device_hot",
+        "Device too hot",
+        "the device was too hot and cut its motors",
+        "",
+        BY_DEVICE,
+        "let the device cool",
+    ),
     Fault(
         DEVICE_LIMIT,
         "device_limit",
+        "End switch reached",
         "an end switch of the device was reached while the display was enabled, with forces or waiting for them",
+        "the handle was at {place}",
         THIS_TICK,
-        "lead the handle off the switch, ~/reset",
+        "lead the handle off the switch",
     ),
     Fault(
         DEVICE_ENCODER,
         "device_encoder",
+        "Encoder broken",
         "an encoder was broken by the device's own check",
+        "",
         BY_DEVICE,
-        "check the encoder and its cable, ~/reset",
+        "check the encoder and its cable",
     ),
 )
 NAMES = frozenset(fault.name for fault in TABLE)

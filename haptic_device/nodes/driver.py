@@ -210,7 +210,7 @@ class DriverNode(ManagedNode):
             what = f"servo at {self.values['servo.rate']:g} Hz on {self.device.name}"
             self.get_logger().info(f"{what} in {where}; {self.servo.realtime}")
         row = self.servo.row.get()[0]
-        if self._reported != (news := (int(row.state), int(row.fault))):
+        if self._reported != (news := (int(row.state), int(row.fault), self.report.fault_detail(row))):
             self._reported = news
             self.report.say(row)  # without figures: a rate needs its half second
         if row.fault:  # its reset takes the wish to be enabled back: here it could already be the next one

@@ -41,6 +41,10 @@ class DriverDiagnostics:
         node.stall = 0.0
         return diagnostics.statuses("haptic_driver", DRIVER_FIGURES, figures, node.values)
 
+    def fault_detail(self, row):
+        """The number of the fault at this servo row, in words; "" while it is not known, and where there is none."""
+        return self._node.telemetry.latched.sentence(int(row.fault)) if row.fault else ""
+
     def _status(self, row):
         """(level, message), the worst first."""
         node = self._node
@@ -80,6 +84,7 @@ class DriverDiagnostics:
         return {
             "state": enable_state.STATES[int(row.state)],
             "fault": faults.name_of(row.fault),
+            "fault_detail": self.fault_detail(row),
             "withheld": ", ".join(standing),
             "withheld_s": f"{max(standing.values(), default=0.0):.1f}",
             "realtime": node.servo.realtime,

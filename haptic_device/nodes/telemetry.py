@@ -14,6 +14,7 @@ from rclpy.duration import Duration
 from haptic_device.control.records import SETTINGS, TRACE_ROW
 from haptic_device.message_fields import AXES, frame_id
 from haptic_device.nodes import messages
+from haptic_device.nodes.fault_detail import LatchedFault
 from haptic_device.nodes.robot_state import RobotState
 from haptic_device.realtime import clock
 from haptic_device.realtime.tick_replay import SNAPSHOT
@@ -63,7 +64,7 @@ class Telemetry:
         self._recent = np.zeros((WINDOW, 4))  # lateness, compute, age, write delay [s] of the last ticks
         self._judged, self._judged_at = np.full((4, 4), np.nan), -FRESH_ENOUGH
         self._ticks, self._latched, self._position = 0, 0.0, [0.0] * 3
-        self.withheld, self._blocks = WithheldTime(), []
+        self.withheld, self.latched, self._blocks = WithheldTime(), LatchedFault(), []
         self._told = dict.fromkeys(("axes", "pose"), (0.0, 0.0))  # deadline and number of the tick published last
         self.skipped, self._samples, self._known = 0, 0, np.zeros((2, 2), np.int64)
         self._row, self._settings, self._looked = np.zeros(1, TRACE_ROW), np.zeros(1, SETTINGS), False
@@ -209,6 +210,7 @@ class Telemetry:
 
     def _remember(self, rows):
         self.withheld.add(rows["deadline"], rows["withheld"])
+        self.latched.add(rows, self._settings[0])
         self._blocks.append(rows)
         if len(self._blocks) >= BLOCKS or sum(map(len, self._blocks)) >= FRESH_ENOUGH:
             self._judge()

@@ -193,8 +193,15 @@ def _follow(seconds, domain, nodes):
                 print(f"e-stop: {said}", file=sys.stderr, flush=True)
             return printed
 
+        def tell(sentence):
+            print(f"haptic demo: {sentence}", file=sys.stderr, flush=True)
+
         with status_line() as show:
-            return follow(seconds, client, check, show)
+            try:
+                return follow(seconds, client, check, show, tell)
+            except NodeDiedError as died:
+                tell(died)
+                raise
 
 
 def _evaluate(order: Order, started: float) -> dict:

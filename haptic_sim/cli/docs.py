@@ -36,18 +36,27 @@ FAULTS = """# Faults
 
 Generated from `control/faults.py: TABLE` by `haptic docs --faults --out docs/faults.md`; do not edit.
 
-A fault is a latched reason why the motor is off. It stays until `~/reset`, whatever follows; then `~/enable` is needed.
-A fault whose cause still stands is latched again at once.
+A fault is a latched reason why the motor is off. It stays until it is cleared: first what its row says, then
+
+| where | what to do |
+|---|---|
+| page of `haptic demo --view`, `haptic view` | press *Reset and engage* |
+| `haptic status` | press `r`, then `e` |
+| a program | call `~/reset`, then `~/enable` |
+
+A fault whose cause still stands is latched again at once. The page, `haptic demo` and `haptic status` tell its cause
+with its number, from the tick that latched it: the entry `fault_detail` of the driver's diagnostics.
 
 11 to 14 are what a device says of itself ([link_protocol.md](link_protocol.md#sample-4)). An end switch is a fault only
 while the display is enabled: a handle that rests on one may be led away, and enabling it there latches before any
 force.
 
 `test/live/test_driver.py` and `test/live/test_fault_live.py` provoke each but 11 to 14 on running nodes,
-`test/unit/test_servo.py` and `test/unit/test_device_faults.py` all tick by tick.
+`test/unit/test_servo.py` and `test/unit/test_device_faults.py` all tick by tick, `test/browser/test_faults.py` all on
+the page.
 
-| code | name | what latched it | what the motor does | how to clear it |
-|---|---|---|---|---|
+| code | name | in words | what latched it | what the motor does | what to do first |
+|---|---|---|---|---|---|
 """
 WITHHELD_FORCE = f"""
 ## Withheld force
@@ -80,7 +89,8 @@ def fault_table() -> str:
     return (
         FAULTS
         + "".join(
-            f"| {fault.code} | `{fault.name}` | {fault.cause} | {fault.motor} | {fault.clear} |\n" for fault in TABLE
+            f"| {fault.code} | `{fault.name}` | {fault.title} | {fault.cause} | {fault.motor} | {fault.first} |\n"
+            for fault in TABLE
         )
         + WITHHELD_FORCE
         + "".join(f"| {each.bit} | `{each.name}` | {each.cause} | {each.cure} |\n" for each in WITHHELD)

@@ -66,7 +66,16 @@ def newest(client, everywhere: bool = False) -> dict:
 def _status(said, age) -> dict:
     if age > STALE:
         return {"level": LEVELS.index("STALE"), "message": f"nothing heard for {age:.0f} s", "values": said.values}
-    return {"level": said.level, "message": said.message, "values": said.values}
+    return {"level": said.level, "message": _message(said), "values": said.values}
+
+
+def _message(said) -> str:
+    """A node's own words; of a latched fault what it is, and what to do."""
+    if not (name := said.values.get("fault")):
+        return said.message
+    from haptic_sim.fault_sentence import FAULTS, what_to_do  # it loads the compiler
+
+    return what_to_do(name, said.values.get("fault_detail", "")) if name in FAULTS else said.message
 
 
 def _order(item):

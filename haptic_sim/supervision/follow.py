@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 from haptic_device.status import number
 from haptic_sim.client import Client
-from haptic_sim.fault_sentence import FAULTS, what_to_do
+from haptic_sim.fault_sentence import FAULTS, fell, what_to_do
 from haptic_sim.supervision.news import News
 
 NODES, LOOPBACK, BRIDGE = ("haptic_driver", "haptic_simulation"), "haptic_loopback", "haptic_bridge"
 AFTERWARDS = 0.6  # s: the nodes' diagnostics come twice a second, the last one shall be of the end
+NUMBER = 0.2  # s within which the driver tells the number of a fault
 LOOK_PERIOD = 0.05  # s
 
 
@@ -31,15 +32,17 @@ class Ending(NamedTuple):
     begun: bool
 
 
-def follow(seconds: float | None, client: Client, check: Check, show: Callable[[str], None]) -> Ending:
+def follow(
+    seconds: float | None, client: Client, check: Check, show: Callable[[str], None], tell: Callable[[str], None]
+) -> Ending:
     """Returns when `seconds` have passed since the first motor command or, if None, when the motion has ended.
 
     A fault that is latched ends the run, for nobody will clear it. So does the end of all news (news.py); the device's
     clock is news only when the motion has begun, or a display that never engages would be waited for without end. At
     each look `check` is called, which may raise and gives the last line that each node printed, and `show` hears how it
-    goes.
+    goes; `tell` hears of a fault as soon as it is latched.
     """
-    run, nodes = _Run(client, check, show), (*NODES, BRIDGE if BRIDGE in check() else LOOPBACK)
+    run, nodes = _Run(client, check, show, tell), (*NODES, BRIDGE if BRIDGE in check() else LOOPBACK)
     if why := run.wait(lambda: run.commanded, News(client, *nodes)):
         came = "was seen" if run.fault else "came"  # one between two looks, the fault after it, is in the bag alone
         return Ending(f"no motor command {came}{why}", run.fault, False, False)
@@ -59,9 +62,9 @@ class _Run:
     """A run that is looked at. fault: what ended a wait, by name; commanded, begun: whether the motor was seen to have
     been commanded, the motion to have begun."""
 
-    def __init__(self, client: Client, check: Check, show: Callable[[str], None]):
+    def __init__(self, client: Client, check: Check, show: Callable[[str], None], tell: Callable[[str], None]):
         self.fault, self.commanded, self.begun = "", False, False
-        self._client, self._check, self._show = client, check, show
+        self._client, self._check, self._show, self._tell = client, check, show, tell
 
     def wait(self, condition: Callable[[], bool], news: News | None = None) -> str:
         """Until the condition is true; what came before that did, a fault or the end of the news, or ""."""
@@ -71,7 +74,10 @@ class _Run:
                 return ""
             if (said := self._client.said("haptic_driver", "fault")) in FAULTS:
                 self.fault = said
-                return f": {what_to_do(said)}"
+                self.rest(NUMBER)
+                number = self._client.said("haptic_driver", "fault_detail")
+                self._tell(fell(said, number))
+                return f": {what_to_do(said, number)}"
             if news and news.ended(printed):
                 return f", and {news.last_words()}"
             self._pause()

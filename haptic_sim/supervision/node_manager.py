@@ -3,10 +3,11 @@
 
 import asyncio
 import time
+from collections.abc import Collection
 
 from haptic_sim.supervision.domain import isolated_domain
 from haptic_sim.supervision.prepare import prepare
-from haptic_sim.supervision.processes import NAMESPACE, NodeDiedError, Nodes, ros_arguments, undisturbed
+from haptic_sim.supervision.processes import NAMESPACE, Nodes, ros_arguments, undisturbed
 from haptic_sim.supervision.system import Order, Relay, programs_of
 
 RECORDER = "haptic_recorder"
@@ -50,15 +51,26 @@ class NodeManager:
             self._order = order
             return f"{name} is {value}; the nodes have been started again"
 
-    def problem(self) -> str:
-        """Why a node has ended by itself, or nothing."""
-        if self._changing.locked():
-            return ""
-        try:
-            self._nodes.check()
-        except NodeDiedError as error:
-            return str(error)
-        return ""
+    @property
+    def changing(self) -> bool:
+        """Whether nodes are being started again just now."""
+        return self._changing.locked()
+
+    def ended(self) -> dict[str, str]:
+        """{name: how} of the nodes that have ended by themselves."""
+        return self._nodes.ended()
+
+    async def start_again(self, names: Collection[str], given: dict[str, dict]) -> None:
+        """Starts these nodes again, with these parameters before the order's: {node: {name: value}}. One that still
+        runs is killed first, for it was silent."""
+        async with self._changing:
+            for name in names:
+                self._nodes.kill(name)
+            kept = {name: self._order.given.get(name, {}) | values for name, values in given.items()}
+            order = self._order._replace(given=self._order.given | kept)
+            for program in programs_of(order):
+                if program.name in names:
+                    self._nodes.start(program)
 
     def _changed(self, name, value):
         offered = self.offer()

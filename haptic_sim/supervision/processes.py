@@ -2,6 +2,7 @@
 """The nodes as child processes: started on the loopback interface alone, watched, stopped in order, never orphaned."""
 
 import contextlib
+import itertools
 import os
 import signal
 import subprocess
@@ -90,11 +91,15 @@ class Nodes:
             )
 
     def check(self) -> dict[str, str]:
-        """The last line that each node printed. NodeDiedError with name, exit code and that line if one has ended."""
-        for name, process in self._running.items():
-            if process.poll() is not None:
-                raise NodeDiedError(f"{name} ended with exit code {process.returncode}: {self.last_line(name)}")
+        """The last line that each node printed. NodeDiedError if one has ended, which says how."""
+        for sentence in self.ended().values():
+            raise NodeDiedError(sentence)
         return {name: self.last_line(name) for name in self._running}
+
+    def ended(self) -> dict[str, str]:
+        """{name: how} of the nodes that have ended by themselves: by which signal or exit code, and the last error."""
+        codes = {name: process.poll() for name, process in self._running.items()}
+        return {name: self._how_it_ended(name, code) for name, code in codes.items() if code is not None}
 
     def pid(self, name: str) -> int:
         """Process id of a running node."""
@@ -102,18 +107,21 @@ class Nodes:
 
     def last_line(self, name: str) -> str:
         """The last line that the node printed."""
-        with open(self._log(name), "rb") as log:
-            log.seek(max(0, log.seek(0, os.SEEK_END) - TAIL))
-            lines = log.read().decode(errors="replace").split("\n")
-        return next((line.strip() for line in reversed(lines) if line.strip()), "it printed nothing")
+        return next(self._last_lines(name), "it printed nothing")
 
     def printed(self, name: str) -> str:
         """All that the node printed so far, also when it has ended."""
         return self._log(name).read_text(errors="replace")
 
     def end(self, name: str) -> bool:
-        """Ends one node; False if it had to be killed, or was."""
+        """Ends one node; False if it had to be killed."""
         return _end(self._running.pop(name))
+
+    def kill(self, name: str) -> None:
+        """Ends one node that may hear no signal, if it runs."""
+        if process := self._running.pop(name, None):
+            process.kill()
+            process.wait()
 
     def stop(self) -> None:
         """Ends all nodes one by one, the last started first; a Ctrl-C meanwhile waits until all have ended."""
@@ -127,17 +135,40 @@ class Nodes:
         for name in [name for name in reversed(list(self._running)) if name != kept]:
             _end(self._running.pop(name))
 
+    def _how_it_ended(self, name, code):
+        how = f"ended with exit code {code}" if code >= 0 else f"was ended by {_signal(-code)}"
+        errors = (line for line in self._last_lines(name) if _is_error(line, code < 0))
+        return ": ".join((f"{name} {how}", *itertools.islice(errors, 1)))
+
+    def _last_lines(self, name):
+        """The last first."""
+        with open(self._log(name), "rb") as log:
+            log.seek(max(0, log.seek(0, os.SEEK_END) - TAIL))
+            lines = log.read().decode(errors="replace").split("\n")
+        return (line.strip() for line in reversed(lines) if line.strip())
+
     def _log(self, name: str) -> Path:
         return self._logs / f"{name}.log"
 
 
 def _end(process: subprocess.Popen) -> bool:
     for number, patience in _PATIENCE:
-        if process.poll() is None:
-            process.send_signal(number)
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(patience)
+        if process.poll() is not None:
+            return True
+        process.send_signal(number)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(patience)
     return process.returncode != -signal.SIGKILL
+
+
+def _is_error(line: str, killed: bool) -> bool:
+    """Whether a line is an error, or the last words of a node that ended by itself, unless logged as less."""
+    return line.startswith(("[ERROR]", "[FATAL]")) or not (killed or line.startswith(("[INFO]", "[WARN]", "[DEBUG]")))
+
+
+def _signal(number: int) -> str:
+    name = signal.Signals(number).name if number in set(signal.Signals) else "a signal"
+    return f"{name} (signal {number})"
 
 
 @contextlib.contextmanager

@@ -9,16 +9,18 @@ from haptic_sim.client import Client
 from haptic_sim.service_requests import change_state, get_parameters, set_parameters, state_of, trigger
 from haptic_sim.viewer import messages, settings
 from haptic_sim.viewer.hand import THERE, Hand, Limits
+from haptic_sim.viewer.recovery import Recovery
 from haptic_sim.viewer.scene_controller import SceneController
 from haptic_sim.viewer.settings import DRIVER, LOOPBACK, SIMULATION
 from haptic_sim.viewer.state import State
+from haptic_sim.viewer.trouble import TroubleFinder
 
 RECORDER = "haptic_recorder"
 UNCONFIGURED, INACTIVE, ACTIVE = 1, 2, 3  # lifecycle states
 CONFIGURE, ACTIVATE, DEACTIVATE = 1, 3, 4  # lifecycle transitions
 STOPPING = ("estop", "disable")
 EDGE = 0.01  # of the workspace at either end is where a page leads no hand
-LEADING = (messages.Aim, messages.LoadScene, messages.ChooseMethod, messages.StartScene)  # the hand
+LEADING = (messages.Aim, messages.LoadScene, messages.ChooseMethod, messages.StartScene, messages.Mend)  # the hand
 AGAIN, PATIENCE = 0.4, 4.8  # s: a busy machine may hold a node up for seconds
 POLLED = 0.4  # s for an answer that is asked for every second anyway
 BAG = 20.0  # s that a recorder may take to open or close a bag
@@ -35,7 +37,8 @@ class CommandHandler:
     def __init__(self, client: Client, state: State, speeds: tuple[float, float], nodes=None):
         self.client, self.state, self.hand, self._nodes = client, state, Hand(), nodes
         self.values, self.device, self.problem, self.held_off = {}, None, "", False
-        self.scenes = SceneController(self)
+        self.scenes, self.recovery = SceneController(self), Recovery(self, nodes)
+        self.troubles = TroubleFinder(state, client, nodes)
         self._speeds, self._asked_device, self._leader = speeds, None, None
         self._marks = client.node.create_publisher(String, "mark", TRACE)
         self._prepare()
@@ -53,6 +56,14 @@ class CommandHandler:
             return False
         there = zip(self.state.to_world(truth.target), hand.goal, range(self.state.axes), strict=False)
         return all(abs(place - goal) < THERE for place, goal, _ in there)
+
+    @property
+    def inside(self) -> bool:
+        """Whether the handle is in the device's workspace, as far as both are known."""
+        if self.state.truth is None or self.workspace is None:
+            return True
+        place = self.state.to_world(self.state.truth.position)
+        return all(low <= at <= high for at, (low, high) in zip(place, self.workspace, strict=False))
 
     @property
     def workspace(self) -> tuple[tuple[float, float], ...] | None:
@@ -94,6 +105,8 @@ class CommandHandler:
                 return self._mark(message.text)
             case messages.Record():
                 return await self._record(message.on)
+            case messages.Mend():
+                return await self.recovery.mend(self.troubles.trouble)
             case messages.Restart():
                 return await self._restart(message.name, message.value)
 

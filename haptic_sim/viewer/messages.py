@@ -104,6 +104,12 @@ class Record(Message):
     on: Switch
 
 
+class Mend(Message):
+    """Ends the trouble that the banner tells of."""
+
+    do: Literal["mend"] = "mend"
+
+
 class Restart(Message):
     """Starts the nodes again with another value of what is fixed while they run."""
 
@@ -112,7 +118,7 @@ class Restart(Message):
     value: Value
 
 
-Command = Aim | Trigger | Set | LoadScene | ChooseMethod | StartScene | Mark | Record | Restart
+Command = Aim | Trigger | Set | LoadScene | ChooseMethod | StartScene | Mark | Record | Restart | Mend
 PageMessage = Seen | Command
 _MODELS = {model.model_fields["do"].default: model for model in get_args(PageMessage)}
 _ADAPTER = TypeAdapter(Annotated[PageMessage, Field(discriminator="do")])

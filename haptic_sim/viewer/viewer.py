@@ -29,21 +29,24 @@ from haptic_sim.viewer.commands import CommandHandler
 from haptic_sim.viewer.guard import is_loopback
 from haptic_sim.viewer.markers import MarkerPublisher
 from haptic_sim.viewer.messages import Aim
+from haptic_sim.viewer.page_words import in_page_words
 from haptic_sim.viewer.parameters import PARAMETERS
 from haptic_sim.viewer.server import Server
-from haptic_sim.viewer.settings import DRIVER
+from haptic_sim.viewer.settings import DRIVER, SIMULATION
 from haptic_sim.viewer.state import State
+from haptic_sim.viewer.unfelt import unfelt
 
 STATUS_PERIOD, POLL_PERIOD = 0.25, 1.0  # s
 
 
 class Viewer:
     """A viewer on a node that it may use alone. nodes: the nodes, where they are this process's to start again: has
-    offer(), problem() and async change(name, value)."""
+    offer(), changing, ended(), async change(name, value) and async start_again(names, given)."""
 
     def __init__(self, node, values: dict, nodes=None):
         client = Client(node)
-        self.state, self._nodes = State(client), nodes
+        self.state, self._client, self._nodes = State(client), client, nodes
+        self._unfelt = {"words": "", "todo": ""}
         self.commands = CommandHandler(client, self.state, (values["hand_speed"], values["hand_turn"]), nodes)
         self._markers = MarkerPublisher(node, values["marker_rate"])
         self.server = Server(values["host"], values["port"], self._welcome, self._do, self._save)
@@ -71,8 +74,10 @@ class Viewer:
             due = max(due + period, time.monotonic())
             await asyncio.sleep(due - time.monotonic())
             self.state.look()
+            self.commands.troubles.look(self.commands.recovery.running)
             self.commands.lead(time.monotonic())
             frame = self.state.frame()
+            self._unfelt = unfelt(self.state, frame, SIMULATION in self._client.statuses)
             self.server.show(frame)
             self._markers.show(self.state.scene, frame, *self._surroundings(), time.monotonic())
             self._tell_news(time.monotonic())
@@ -81,7 +86,9 @@ class Viewer:
         if self.state.scene_number != self._scene_told:
             self._scene_told = self.state.scene_number
             self.server.tell("scene", self._scene())
-        state = tuple(self.state.said(DRIVER, entry) for entry in ("state", "fault"))
+        if said := self.commands.troubles.news():
+            print(f"haptic_viewer: {said}", file=sys.stderr, flush=True)
+        state = (self.state.said(DRIVER, "state"), self.commands.troubles.trouble, self._unfelt["words"])
         if now >= self._status_due:
             self._answer_ros()
         if now >= self._status_due or state != self._state_told:
@@ -107,7 +114,10 @@ class Viewer:
             await asyncio.sleep(POLL_PERIOD)
 
     async def _do(self, message, session):
-        sentence = await self.commands.do(message, session)
+        try:
+            sentence = in_page_words(await self.commands.do(message, session))
+        except ValueError as refusal:
+            raise ValueError(in_page_words(str(refusal))) from None
         if not isinstance(message, Aim):
             self._tell_status(time.monotonic())  # before the answer, which is read in its light
             self.server.tell("values", self._tuning())
@@ -152,8 +162,14 @@ class Viewer:
             name: {"level": status.level, "message": status.message, "values": status.values}
             for name, status in self.state.statuses.items()
         }
-        problem = (self._nodes.problem() if self._nodes else "") or self.state.problem or self.commands.problem
-        return {"nodes": found, "problem": problem, "viewer": self._own_figures()}
+        trouble, problem = self.commands.troubles.trouble, self.state.problem or self.commands.problem
+        return {
+            "nodes": found,
+            "problem": problem,
+            "trouble": trouble and trouble._asdict(),
+            "unfelt": self._unfelt,
+            "viewer": self._own_figures(),
+        }
 
     def _own_figures(self):
         """Share of a core that this process takes, pages, frames sent per second to all of them."""

@@ -111,7 +111,7 @@ def test_a_display_that_withholds_force_is_not_green_and_says_why_and_what_to_do
     stretch = "parseFloat(document.getElementById('stretch').textContent)"
     tab.until(f"{stretch} > 3", before=lambda: tab.page.keyboard.press("ArrowDown"))  # nothing holds the hand back
     tab.page.click("[data-service=enable]")
-    tab.until_text("withheld", "force withheld for .* s .waiting.: .* lead the handle to the tool")
+    tab.until_text("withheld", "Tool not felt. Drag the blue handle onto the orange tool: [1-9][0-9]* mm")
     assert tab.page.get_attribute("#state", "data-level") == "warn" and tab.page.is_visible("#withheld")
     tab.shot("withheld")
     assert serious(tab) == []
@@ -133,7 +133,7 @@ def test_a_press_on_e_stop_zeroes_the_motor_before_it_is_let_go_and_it_stays_so(
     tab.page.mouse.down()
     zero = listener.until(lambda: zeroed(listener, began), "the motor at zero")
     tab.page.mouse.up()
-    tab.until_text("state", "fault: estop")
+    tab.until_text("state", "fault: Emergency stop")
     tab.shot("fault")
     assert serious(tab) == []
     assert {force for at, force in listener.motor() if at >= zero} == {0.0}
@@ -159,7 +159,7 @@ def test_what_is_pressed_without_a_connection_is_said_and_a_stop_goes_with_the_n
     listener.until(lambda: listener.motor()[-1][1] > 0.0, "a motor that pushes")
     began, cable.whole = time.monotonic(), True
     listener.until(lambda: zeroed(listener, began), "the motor at zero")
-    far.until_text("state", "fault: estop")
+    far.until_text("state", "fault: Emergency stop")
     tab.engage()
     cable.cut()
     far.until_text("state", "no viewer")
@@ -188,7 +188,7 @@ def test_the_keyboard_alone_stops_resets_engages_and_turns(tab, listener):
     began = time.monotonic()
     tab.page.keyboard.press("Escape")
     listener.until(lambda: zeroed(listener, began), "the motor at zero")
-    tab.until_text("state", "fault: estop")
+    tab.until_text("state", "fault: Emergency stop")
     tab.page.focus("[data-service=reset]")
     tab.page.keyboard.press("Enter")
     tab.until("!/fault/.test(document.getElementById('state').textContent)")
@@ -347,7 +347,7 @@ def test_a_simulation_that_is_killed_and_started_by_somebody_else_is_shown_again
     words, around = simulation.cmdline(), simulation.environ()
     simulation.kill()
     tab.until("document.getElementById('result_insertion_fraction').textContent === '–'")
-    tab.until_text("banner", "haptic_simulation ended with exit code -9")
+    tab.until_text("fault_cause", "haptic_simulation was ended by SIGKILL .signal 9.")
     start(words, env=around, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     tab.until("Number.isFinite(Number(document.getElementById('result_insertion_fraction').textContent))")
     tab.until_text("state", "^engaged$")

@@ -14,6 +14,7 @@ from std_srvs.srv import Trigger
 from haptic_device import controller_config, gain_check
 from haptic_device.control import enable_state, faults, records
 from haptic_device.nodes import driver as module
+from haptic_device.nodes.fault_detail import LatchedFault
 from haptic_device.realtime import servo_loop
 from haptic_device.realtime.null_device import NullDevice
 from haptic_device.realtime.servo_thread import ServoThread
@@ -77,7 +78,7 @@ def serve(driver, **given):
         ),
     )
     driver.telemetry = SimpleNamespace(percentiles=lambda: np.zeros((4, 4)), cpu=0.0, window=lambda: 0.0, skipped=0)
-    driver.telemetry.withheld = WithheldTime()
+    driver.telemetry.withheld, driver.telemetry.latched = WithheldTime(), LatchedFault()
     driver.exchange = SimpleNamespace(
         refusals=dict, refused_contacts=dict, sent=0, answered=0, round_trips=lambda: np.zeros(2)
     )

@@ -109,7 +109,7 @@ def test_a_tool_whose_own_driver_falls_into_a_fault_goes_on_with_a_new_pair(caps
             return tuning.said("state")
 
     assert on_pair(None, None, *PAIR, work) == "engaged" and len(domains) == 2
-    fell = "haptic_driver fell into fault estop (~/estop was called); both nodes are started anew"
+    fell = "Emergency stop (fault estop): a person or a program pressed stop; both nodes are started anew"
     assert capsys.readouterr().err.splitlines() == [fell]
 
 

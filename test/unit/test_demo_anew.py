@@ -11,7 +11,7 @@ from haptic_sim.supervision.follow import Ending
 from haptic_sim.supervision.system import Order
 
 SILENT = Ending("the motion did not begin: …", "device_silent", True, False)
-FELL = "haptic_driver fell into fault device_silent (the device answered no tick for fault.silence)"
+FELL = "Device does not answer (fault device_silent): the device did not answer for longer than fault.silence"
 WELL = Ending("", "", True, True)
 
 

@@ -9,6 +9,7 @@ from haptic_device.status import Status
 from haptic_sim import outcome
 from haptic_sim.cli.progress import status_line
 from haptic_sim.cli.tables import print_outcome
+from haptic_sim.fault_sentence import fell, what_to_do
 from haptic_sim.supervision import follow, news
 
 
@@ -44,11 +45,11 @@ def has(**attributes):
     return lambda run: vars(run).update(attributes)
 
 
-def run(monkeypatch, *events, seconds=1.0, show=lambda line: None):
+def run(monkeypatch, *events, seconds=1.0, show=lambda line: None, tell=lambda line: None):
     """How the run ended, and how long it took [s]."""
     clock = Clock().put(monkeypatch, follow, news)
     client, began = Run(clock, *events), clock.now
-    return follow.follow(seconds, client, lambda: client.printed, show), clock.now - began
+    return follow.follow(seconds, client, lambda: client.printed, show, tell), clock.now - began
 
 
 COMMANDED = has(motor_commanded=True)
@@ -81,7 +82,7 @@ def test_a_latched_fault_ends_a_run_soon_in_a_sentence_with_its_cause_and_what_c
     events += [(2.0, ENGAGED)] if moment == "in the motion" else []
     ending, took = run(monkeypatch, *events, (5.0, falls(entry.name)), *going_on(1000.0), seconds=seconds)
     assert took < 5.0 + 2.0 * follow.AFTERWARDS
-    told = f"haptic_driver fell into fault {entry.name} ({entry.cause}); what clears it: {entry.clear}"
+    told = what_to_do(entry.name)
     before = moment == "before the first command"
     lack = "the run did not last 3600 s" if seconds else LACKS[moment]
     assert ending.why == f"{'no motor command was seen' if before else lack}: {told}"
@@ -91,6 +92,17 @@ def test_a_latched_fault_ends_a_run_soon_in_a_sentence_with_its_cause_and_what_c
 def test_a_run_goes_on_for_a_moment_after_a_fault_so_that_the_recording_has_what_came_then(monkeypatch):
     ending, took = run(monkeypatch, (0.0, COMMANDED), (5.0, falls("velocity")), seconds=3600.0)
     assert ending.fault == "velocity" and took >= 5.0 + follow.AFTERWARDS
+
+
+def test_a_fault_is_told_when_it_latches_with_its_number_and_not_only_at_the_end(monkeypatch):
+    told = []
+    latches = says("haptic_driver", "", 2, fault="velocity", fault_detail="")
+    number = says("haptic_driver", "", 2, fault="velocity", fault_detail="0.83 m/s; the limit is 0.6 m/s")
+    ending, _ = run(monkeypatch, (0.0, COMMANDED), (5.0, latches), (5.1, number), seconds=3600.0, tell=told.append)
+    assert told == [fell("velocity", "0.83 m/s; the limit is 0.6 m/s")]
+    assert what_to_do("velocity", "0.83 m/s; the limit is 0.6 m/s") in ending.why
+    told.clear()
+    assert not run(monkeypatch, (0.0, COMMANDED), seconds=1.0, tell=told.append)[0].why and told == []
 
 
 def test_a_motion_that_ended_before_a_fault_has_ended(monkeypatch):

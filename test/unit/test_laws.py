@@ -159,8 +159,9 @@ def test_a_motion_that_is_not_a_number_is_a_fault(value):
     assert motion(position=value) == motion(velocity=value) == faults.NOT_A_NUMBER
 
 
-def test_the_fault_table_names_each_code_once_and_says_how_to_clear_it():
+def test_the_fault_table_names_each_code_once_in_words_without_services():
     assert sorted(entry.code for entry in faults.TABLE) == list(range(1, len(faults.TABLE) + 1))
     assert len({entry.name for entry in faults.TABLE}) == len(faults.TABLE)
-    assert all("~/reset" in entry.clear and entry.cause and "zero" in entry.motor for entry in faults.TABLE)
+    assert all(entry.title and entry.cause and "zero" in entry.motor for entry in faults.TABLE)
+    assert not any("~/" in text for entry in faults.TABLE for text in (entry.title, entry.cause, entry.first))
     assert faults.name_of(faults.NONE) == "" and faults.name_of(faults.ESTOP) == "estop"

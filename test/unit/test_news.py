@@ -161,12 +161,12 @@ def worked(monkeypatch):
 def test_where_the_driver_of_a_pair_of_its_own_falls_into_a_fault_a_tool_begins_anew_once_and_says_so(worked, capsys):
     assert worked([]) == (7, "/there", 1) and capsys.readouterr().err == ""
     assert worked(["device_silent"]) == (7, "/there", 2)
-    cause = "device_silent (the device answered no tick for fault.silence)"
-    assert capsys.readouterr().err == f"haptic_driver fell into fault {cause}; both nodes are started anew\n"
+    fell = "Device does not answer (fault device_silent): the device did not answer for longer than fault.silence"
+    assert capsys.readouterr().err == f"{fell}; both nodes are started anew\n"
     with pytest.raises(ValueError) as ended:
         worked(["device_silent", "device_silent"])
     todo = "end what else keeps the machine busy, or take a lower servo rate or less force"
-    assert str(ended.value) == f"haptic_driver fell into fault {cause} again: {todo}"
+    assert str(ended.value) == f"{fell} again: {todo}"
 
 
 def test_a_fault_of_somebody_elses_driver_is_left_to_them(worked, capsys):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command's hold on its child processes, and its verdict on a run; no ROS needed."""
 
+import asyncio
 import os
 import signal
 import sys
@@ -15,8 +16,9 @@ from waiting import LIMIT, until
 from haptic_device.config_files import find
 from haptic_device.control.faults import TABLE
 from haptic_sim.outcome import ANSWERED, GOALS, REACHED, not_done, nothing
-from haptic_sim.supervision import processes
+from haptic_sim.supervision import node_manager, processes
 from haptic_sim.supervision.domain import isolated_domain
+from haptic_sim.supervision.node_manager import NodeManager
 from haptic_sim.supervision.processes import NodeDiedError, Nodes, Program, interruptible, parameter_text
 from haptic_sim.supervision.system import Order, programs_of
 
@@ -105,7 +107,7 @@ def test_a_domain_that_is_given_is_kept(tmp_path, monkeypatch):
     assert os.environ["ROS_DOMAIN_ID"] == "57"
 
 
-def test_a_node_that_dies_is_named_with_its_last_line(tmp_path, program):
+def test_a_node_that_dies_is_named_with_its_last_error(tmp_path, program):
     with Nodes(tmp_path / "log") as nodes:
         nodes.start(program("falling_node", _FALLS))
         wait_for_line(nodes, "falling_node", "RuntimeError: the motor is gone")
@@ -113,6 +115,46 @@ def test_a_node_that_dies_is_named_with_its_last_line(tmp_path, program):
         until(lambda: fallen.status() == psutil.STATUS_ZOMBIE, "the end of the node")
         with pytest.raises(NodeDiedError, match="falling_node ended with exit code 1: RuntimeError: the motor is gone"):
             nodes.check()
+
+
+@pytest.mark.parametrize(
+    ("printed", "said"),
+    [
+        (["[INFO] [1.0] [x]: servo at 4000 Hz"], ""),
+        (["[ERROR] [1.0] [x]: fault velocity", "[INFO] [2.0] [x]: engaged"], ": [ERROR] [1.0] [x]: fault velocity"),
+        (["[ERROR] [1.0] [x]: first", "[ERROR] [2.0] [x]: second"], ": [ERROR] [2.0] [x]: second"),
+    ],
+)
+def test_a_node_that_somebody_killed_is_told_with_the_signal_and_its_last_error_and_was_not_deaf(
+    tmp_path, program, capsys, printed, said
+):
+    text = "".join(f"print({line!r})\n" for line in printed) + _PATIENT
+    with Nodes(tmp_path / "log") as nodes:
+        nodes.start(program("killed_node", text))
+        wait_for_line(nodes, "killed_node", "ready")
+        assert nodes.ended() == {}
+        os.kill(nodes.pid("killed_node"), signal.SIGKILL)
+        until(nodes.ended, "the end of the node")
+        assert nodes.ended() == {"killed_node": f"killed_node was ended by SIGKILL (signal 9){said}"}
+    assert capsys.readouterr().err == ""
+
+
+def test_a_node_that_stands_still_is_killed_and_started_again_and_the_others_go_on(tmp_path, program, monkeypatch):
+    stopped, other = program("stopped_node", _PATIENT), program("other_node", _PATIENT)
+    orders = []
+    monkeypatch.setattr(node_manager, "programs_of", lambda order: orders.append(order) or [stopped, other])
+    order = Order("wall", None, tmp_path, None, None, tmp_path, given={"stopped_node": {"a": 1, "b": 2}})
+    with Nodes(tmp_path / "log") as nodes:
+        manager = NodeManager(order, nodes)
+        manager.start()
+        before = {name: nodes.pid(name) for name in ("stopped_node", "other_node")}
+        for name in before:
+            wait_for_line(nodes, name, "ready")
+        os.kill(before["stopped_node"], signal.SIGSTOP)
+        asyncio.run(manager.start_again(["stopped_node"], {"stopped_node": {"b": 3}, "third_node": {"c": 4}}))
+        assert not psutil.pid_exists(before["stopped_node"]) and not manager.changing and manager.ended() == {}
+        assert nodes.pid("other_node") == before["other_node"] != nodes.pid("stopped_node")
+    assert orders[-1].given == {"stopped_node": {"a": 1, "b": 3}, "third_node": {"c": 4}}
 
 
 def test_a_deaf_node_is_killed_and_that_is_said(tmp_path, program, monkeypatch, capsys):
@@ -205,15 +247,18 @@ def test_behind_a_relay_one_answer_is_enough_and_none_is_said():
 
 @pytest.mark.parametrize("entry", TABLE, ids=lambda entry: entry.name)
 def test_nothing_is_done_with_a_fault_whose_cause_and_next_step_are_said(entry):
-    fell = f"haptic_driver fell into fault {entry.name} ({entry.cause}); what clears it: {entry.clear}"
-    assert not_done(outcome(faults=[entry.name], result={"insertion_fraction": 1.0})) == fell
-    unended = f"the motion did not end: {fell}"
+    said = not_done(outcome(faults=[entry.name], result={"insertion_fraction": 1.0}))
+    assert said.startswith(f"{entry.title} (fault {entry.name}): {entry.cause}. ")
+    assert said.lower().endswith(
+        f"{entry.first.lower()}{', then ' if entry.first else ''}press r and e in haptic status."
+    )
+    unended = f"the motion did not end: {said}"
     assert not_done(outcome(faults=[entry.name]), unended) == unended
 
 
 def test_nothing_is_done_without_figures_and_what_went_wrong_is_said():
     assert not_done(nothing()) == "the run left no figures"
-    died = "haptic_simulation ended with exit code -9: killed"
+    died = "haptic_simulation was ended by SIGKILL (signal 9)"
     assert not_done(nothing() | {"faults": [died]}) == died
 
 

@@ -20,7 +20,7 @@ export function driverOf(status) {
 
 export function showHealth(status, tuning) {
   const driver = driverOf(status);
-  showState(driver);
+  showState(driver, status);
   showProblem(status);
   const rows = driver ? FIGURES.map(([name, unit, of]) => row(name, `${of(driver.values)} ${unit}`)) : [];
   document.querySelector("#figures tbody").replaceChildren(...rows);
@@ -39,22 +39,25 @@ function worthSaying(statuses) {
   return Object.entries(statuses).filter(([name, { level }]) => level > 0 || !name.includes(": ")).sort();
 }
 
-function showState(driver) {
+function showState(driver, { trouble, unfelt }) {
   const chip = document.getElementById("state");
   const state = driver ? driver.values.state : "no driver";
-  const fault = driver?.values.fault;
-  chip.textContent = fault ? `fault: ${fault}` : state;
-  const withheld = Boolean(driver?.values.withheld) && !fault;
-  chip.dataset.level = withheld && LEVELS[state] === "good" ? "warn" : LEVELS[state] ?? "bad";
+  const weak = unfelt.words && LEVELS[state] === "good";
+  put(chip, trouble?.fault ? `fault: ${trouble.title}` : weak ? `${state}: ${unfelt.words}` : state);
+  chip.dataset.level = weak ? "warn" : LEVELS[state] ?? "bad";
   const told = document.getElementById("withheld");
-  told.textContent = withheld ? driver.message : "";
-  told.hidden = !withheld;
+  put(told, unfelt.todo);
+  told.hidden = !unfelt.todo;
+}
+
+function put(place, text) {
+  if (place.textContent !== text) place.textContent = text; // else it would be read out again
 }
 
 function showProblem(status) {
   const banner = document.getElementById("banner");
   if (document.body.classList.contains("lost")) return;
-  const silent = Object.keys(status.nodes).length === 0 ? "No node is heard of; start them, or wait." : "";
+  const silent = Object.keys(status.nodes).length === 0 && !status.trouble ? "No node is heard of; start them, or wait." : "";
   banner.textContent = status.problem || silent;
   banner.hidden = !banner.textContent;
 }

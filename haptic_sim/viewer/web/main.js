@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Puts the page together: what comes from the viewer goes to the parts that show it, what people do goes back.
 
+import { Banner } from "./faults.js";
 import { Hand, turning } from "./hand.js";
 import { driverOf, showHealth } from "./health.js";
 import { layered } from "./layer.js";
@@ -14,6 +15,7 @@ import { Tuning, element } from "./tuning.js";
 
 const byId = (id) => document.getElementById(id);
 const HINT = 3000; // ms that a hint stays
+const ALL_FELT = { words: "", todo: "" };
 
 let status = null;
 let tuningNews = null;
@@ -28,6 +30,7 @@ const tuning = new Tuning(byId("sliders"), (name, value) => {
   link.say({ do: "set", name, value });
 });
 const panels = new Panels(link);
+const fault = new Banner(byId("fault"), () => link.say({ do: "mend" }));
 const tone = new Tone(byId("tone"));
 const hand = new Hand(view, lead);
 const strips = [
@@ -79,14 +82,17 @@ function showValues(news) {
 }
 
 function showStatus(news) {
-  status = news;
-  showHealth(news, tuningNews);
+  status = { trouble: null, unfelt: ALL_FELT, ...news };
+  showHealth(status, tuningNews);
+  fault.show(status.trouble);
+  view.unfelt = status.unfelt.words;
   panels.showRecorder(news);
 }
 
 function answered(answer) {
   if (panels.answered(answer)) return;
-  if (answer.to.do === "set") tuning.answered(answer);
+  if (answer.to.do === "mend") fault.answered(answer);
+  else if (answer.to.do === "set") tuning.answered(answer);
   else if (!answer.done || answer.to.service === "estop") hint(answer.sentence);
 }
 

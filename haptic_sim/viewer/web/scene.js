@@ -17,6 +17,8 @@ export class SceneView {
     this.scene = this.frame = null;
     this.walls = [];
     this.workspace = null;
+    this.unfelt = ""; // why the tool is not felt
+    this.lastTool = null; // where it was, of a simulation that fell silent
     this.recolour();
   }
 
@@ -28,6 +30,7 @@ export class SceneView {
 
   setScene(scene) {
     this.scene = scene;
+    this.lastTool = null;
     this.fit();
   }
 
@@ -116,14 +119,29 @@ export class SceneView {
   }
 
   paintMoving(context, frame) {
-    if (!this.scene || !frame.tool) return;
+    this.lastTool = frame.tool ?? this.lastTool;
+    if (!this.scene || !this.lastTool) return;
     const [tool, ...bodies] = this.scene.solids;
     bodies.forEach((solid, i) => {
       if (!solid.fixed && frame.bodies[i]) this.paintSolid(context, solid, frame.bodies[i], this.colours.moving, 0.9);
     });
-    this.paintGrip(context, tool, frame.tool);
-    this.paintSolid(context, tool, frame.tool, this.colours.tool, 0.85);
+    this.paintGrip(context, tool, this.lastTool);
+    this.paintTool(context, tool, frame.tool ? this.unfelt : "simulation silent");
     this.paintJoints(context, frame);
+  }
+
+  // One that is not felt is faded, with a broken outline and the reason.
+  paintTool(context, tool, unfelt) {
+    this.canvas.dataset.unfelt = unfelt;
+    context.setLineDash(unfelt ? [4 * this.plane.ratio, 4 * this.plane.ratio] : []);
+    this.paintSolid(context, tool, this.lastTool, this.colours.tool, unfelt ? 0.3 : 0.85);
+    context.setLineDash([]);
+    if (!unfelt) return;
+    const [x, y] = this.plane.toPixels(this.lastTool);
+    context.font = `600 ${13 * this.plane.ratio}px system-ui, "DejaVu Sans", sans-serif`;
+    context.textAlign = "left";
+    context.fillStyle = this.colours.ink;
+    context.fillText(unfelt, x + 16 * this.plane.ratio, y - 16 * this.plane.ratio);
   }
 
   // From the tool's grip, where the coupling holds it, to its nearest shape, if it does not lie in one.

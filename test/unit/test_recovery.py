@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the banner's one button does, with nodes and a driver that the test makes up."""
+
+import asyncio
+from types import SimpleNamespace
+
+import pytest
+from made_up_clock import Clock
+
+from haptic_sim.viewer import recovery as module
+from haptic_sim.viewer.recovery import Recovery
+from haptic_sim.viewer.trouble import Trouble
+
+DRIVER, SIMULATION, RECORDER = "haptic_driver", "haptic_simulation", "haptic_recorder"
+FAULT = Trouble("Handle too fast", "…", "…", "Reset and engage", fault="velocity")
+
+
+class Display:
+    """A display as a command handler sees it; `done` is what was asked for. engages: at which attempt; stuck: its fault
+    stays; axes: of the simulated hand."""
+
+    def __init__(self, engages=1, stuck=False, axes=3, nodes=True, appears=True):
+        self.done, self.values, self.held_off = [], {SIMULATION: {"scene": "wall", "method": "auto", "other": 1}}, True
+        self._engages, self._stuck, self._appears = engages, stuck, appears
+        truth = SimpleNamespace(position=(0.13, 0.0, 0.0)[:axes])
+        self.state = SimpleNamespace(statuses={DRIVER: 1, SIMULATION: 1}, axes=axes, truth=truth, said=self._said)
+        self.state.to_world = list
+        self.client = SimpleNamespace(statuses=dict(self.state.statuses), heard=dict(self.state.statuses))
+        self.hand = SimpleNamespace(release=lambda: None)
+        self.scenes = SimpleNamespace(start_again=self._start_scene)
+        self.arrived = self.inside = True
+        self.recovery = Recovery(self, SimpleNamespace(start_again=self._start_nodes) if nodes else None)
+
+    def mend(self, trouble):
+        return asyncio.run(self.recovery.mend(trouble))
+
+    def aim(self, place):
+        self.done.append(("aim", place))
+
+    async def order(self, service):
+        self.done.append(service)
+        if service == "reset" and self._stuck:
+            raise ValueError("fault velocity is latched again: its cause is still there")
+        self._engages -= service == "enable"
+
+    async def poll(self):
+        pass
+
+    async def _start_scene(self):
+        self.done.append("start of the scene")
+        self._engages -= 1
+
+    async def _start_nodes(self, names, given):
+        self.done.append((tuple(names), given))
+        for name in names:
+            self.state.statuses.pop(name, None)
+        if self._appears:
+            self.state.statuses |= dict.fromkeys(names, 1)
+
+    def _said(self, node, entry):
+        return "engaged" if self._engages <= 0 else "waiting for a small force"
+
+
+@pytest.fixture(autouse=True)
+def no_time(monkeypatch):
+    clock = Clock().put(monkeypatch, module)
+
+    async def sleep(seconds):
+        clock.now += seconds
+
+    monkeypatch.setattr(module, "asyncio", SimpleNamespace(sleep=sleep, Lock=asyncio.Lock))
+
+
+def test_a_fault_is_cleared_and_the_display_engaged_where_the_handle_is():
+    display = Display()
+    assert display.mend(FAULT) == "engaged"
+    assert display.done == [("aim", {"x": 0.13, "y": 0.0, "theta": 0.0}), "reset", "enable"]
+    assert not display.held_off
+
+
+def test_a_display_that_cannot_engage_there_engages_at_the_start_of_the_scene():
+    display = Display(engages=2)
+    assert display.mend(FAULT) == "engaged at the start of the scene"
+    assert display.done[1:] == ["reset", "enable", "start of the scene"]
+
+
+def test_a_persons_hand_is_led_by_nobody_else_and_told_what_to_do():
+    display = Display(engages=2, axes=0)
+    assert display.mend(FAULT) == "enabled: lead the handle to the tool"
+    assert display.done == ["reset", "enable"]
+
+
+def test_a_fault_whose_cause_stays_is_the_answer_and_nothing_is_enabled():
+    display = Display(stuck=True)
+    with pytest.raises(ValueError, match="its cause is still there"):
+        display.mend(FAULT)
+    assert "enable" not in display.done
+
+
+def test_a_simulation_is_started_again_with_the_scene_that_was_chosen_and_begins_it_again():
+    display = Display(engages=2)
+    ended = Trouble("The simulation has ended", "…", "", "Start the simulation again", (SIMULATION,))
+    assert display.mend(ended) == "engaged"
+    assert display.done[0] == ((SIMULATION,), {SIMULATION: {"scene": "wall", "method": "auto"}})
+    assert display.done[2:] == ["reset", "start of the scene", "enable"]
+
+
+def test_a_recorder_is_started_again_and_the_motor_left_alone():
+    display = Display()
+    assert display.mend(Trouble("The recorder has ended", "…", "", "…", (RECORDER,))) == "the recorder runs again"
+    assert [order for order in display.done if isinstance(order, str)] == []
+
+
+def test_a_node_that_says_nothing_after_its_start_and_one_of_somebody_else_are_answered_so():
+    ended = Trouble("The simulation has ended", "…", "", "…", (SIMULATION,))
+    with pytest.raises(ValueError, match="the simulation was started, and says nothing yet: wait, and press again"):
+        Display(appears=False).mend(ended)
+    with pytest.raises(ValueError, match="not the page's to start"):
+        Display(nodes=False).mend(ended)
+
+
+def test_without_a_trouble_nothing_is_done():
+    display = Display()
+    assert display.mend(None) == "nothing is wrong" and display.done == []

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the viewer says is wrong, in which words, and when the tool on the page is not felt."""
+
+from types import SimpleNamespace
+
+import pytest
+from made_up_clock import Clock
+
+from haptic_device.control import withheld
+from haptic_device.control.faults import TABLE
+from haptic_device.status import Status
+from haptic_sim.viewer import trouble as module
+from haptic_sim.viewer.page_words import in_page_words
+from haptic_sim.viewer.trouble import LAST_WORDS, STANDS, TroubleFinder
+from haptic_sim.viewer.unfelt import unfelt
+
+DRIVER, SIMULATION, LOOPBACK = "haptic_driver", "haptic_simulation", "haptic_loopback"
+FRAME = {"handle": [0.0, 0.0, 0.0], "tool": [0.012, 0.0, 0.0]}
+
+
+class Viewed:
+    """What a viewer has heard. ended: {name: how}, of nodes that are its own to start; None: of somebody else's."""
+
+    def __init__(self, clock, ended=None):
+        self._clock, self.statuses, self.axes = clock, {}, 3
+        node = SimpleNamespace(get_namespace=lambda: "/haptic")
+        self.client = SimpleNamespace(statuses={}, heard={}, node=node)
+        self.nodes = None if ended is None else SimpleNamespace(changing=False, ended=lambda: ended)
+        self.finder = TroubleFinder(self, self.client, self.nodes)
+
+    def hear(self, name, **values):
+        self.statuses[name] = self.client.statuses[name] = Status(0, 0, "", values)
+        self.client.heard[name] = self._clock.now
+        return self
+
+    def said(self, node, entry, otherwise=""):
+        return self.statuses[node].values.get(entry, otherwise) if node in self.statuses else otherwise
+
+    def look(self, held=False):
+        self.finder.look(held)
+        return self.finder.trouble
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    return Clock().put(monkeypatch, module)
+
+
+@pytest.mark.parametrize("fault", TABLE, ids=lambda fault: fault.name)
+def test_a_fault_is_told_with_title_cause_number_and_what_to_press_until_it_is_cleared(clock, fault):
+    viewed = Viewed(clock).hear(DRIVER, fault=fault.name, fault_detail="0.83 m/s")
+    found = viewed.look()
+    assert (found.title, found.fault, found.button) == (fault.title, fault.name, "Reset and engage")
+    assert found.cause.lower() == f"{fault.cause}; 0.83 m/s.".lower() and found.first.endswith("ress Reset and engage.")
+    viewed.hear(DRIVER, fault="", fault_detail="")
+    assert viewed.look() is None
+
+
+def test_a_node_that_ended_goes_before_the_fault_it_caused_and_has_a_button_where_the_page_may_start_it(clock):
+    ended = {LOOPBACK: f"{LOOPBACK} was ended by SIGKILL (signal 9)"}
+    found = Viewed(clock, ended).hear(DRIVER, fault="device_silent").look()
+    assert (found.title, found.button, found.nodes) == ("The device has ended", "Start the device again", (LOOPBACK,))
+    assert found.cause == "haptic_loopback was ended by SIGKILL (signal 9)."
+
+
+def test_several_nodes_that_ended_are_started_again_together(clock):
+    found = Viewed(clock, {DRIVER: "a", SIMULATION: "b"}).look()
+    assert (found.title, found.button) == ("The nodes have ended", "Start the nodes again")
+    assert found.nodes == (DRIVER, SIMULATION) and found.cause == "a; b."
+
+
+def test_a_node_that_ended_and_that_somebody_else_has_started_again_is_no_trouble(clock):
+    viewed = Viewed(clock, {SIMULATION: "it was ended"}).hear(SIMULATION)
+    assert viewed.look().nodes == (SIMULATION,)
+    clock.now += LAST_WORDS - 0.01
+    assert viewed.hear(SIMULATION).look().nodes == (SIMULATION,), "its own last words"
+    clock.now += 0.02
+    assert viewed.hear(SIMULATION).look() is None
+
+
+def test_a_silent_node_of_somebody_else_is_told_with_the_command_that_starts_it(clock):
+    viewed = Viewed(clock).hear(DRIVER).hear(SIMULATION)
+    assert viewed.look() is None
+    del viewed.statuses[SIMULATION]
+    found = viewed.look()
+    assert (found.title, found.button) == ("The simulation does not answer", "")
+    assert "ros2 run haptic_display haptic_simulation --ros-args -r __ns:=/haptic" in found.first
+    assert viewed.hear(SIMULATION).look() is None
+
+
+def test_a_node_that_was_never_heard_of_is_no_trouble_and_neither_is_one_that_is_being_started_again(clock):
+    viewed = Viewed(clock, {}).hear(DRIVER)
+    assert viewed.look() is None
+    viewed.hear(SIMULATION)
+    del viewed.statuses[SIMULATION]
+    viewed.nodes.changing = True
+    assert viewed.look() is None
+    viewed.nodes.changing = False
+    assert viewed.look().button == "Start the simulation again"
+
+
+def test_a_trouble_stays_while_it_is_mended(clock):
+    viewed = Viewed(clock).hear(DRIVER, fault="estop")
+    assert viewed.look().fault == "estop"
+    viewed.hear(DRIVER, fault="")
+    assert viewed.look(held=True).fault == "estop" and viewed.look() is None
+
+
+def test_the_terminal_is_told_of_each_trouble_once_when_its_number_is_known(clock):
+    viewed = Viewed(clock).hear(DRIVER, fault="velocity", fault_detail="")
+    viewed.look()
+    assert viewed.finder.news() == ""
+    clock.now += STANDS + 0.01
+    viewed.hear(DRIVER, fault="velocity", fault_detail="0.83 m/s").look()
+    told = viewed.finder.news()
+    assert "Handle too fast (fault velocity): " in told and "0.83 m/s. Hold the handle still, then press Reset" in told
+    viewed.look()
+    assert viewed.finder.news() == ""
+    viewed.hear(DRIVER, fault="").look()
+    assert viewed.finder.news() == ""
+    viewed.hear(DRIVER, fault="velocity").look()
+    clock.now += STANDS + 0.01
+    assert viewed.finder.news(), "it came again"
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        ("fault estop is latched; call ~/reset first", "Emergency stop is active. Press Reset and engage."),
+        (
+            "fault position is latched again: its cause is still there",
+            "Handle outside the workspace: its cause is still there. "
+            "Lead the handle back into the workspace, then press Reset and engage.",
+        ),
+        ("fault cleared; ~/enable to go on", "fault cleared; press Engage to go on"),
+        ("haptic_driver offers no ~/enable in /haptic; does it run in this domain?", "The driver does not run here."),
+        ("haptic_simulation did not answer ~/load_scene within 180 s", "The simulation did not answer within 180 s."),
+        ("coupling.stiffness is 9 N/m; 0 to 5 is needed", "coupling.stiffness is 9 N/m; 0 to 5 is needed"),
+    ],
+)
+def test_what_nodes_answer_is_said_in_the_words_of_the_page(said, words):
+    assert in_page_words(said) == words
+
+
+@pytest.mark.parametrize("cause", withheld.TABLE, ids=lambda cause: cause.name)
+def test_force_that_is_withheld_is_told_without_a_service(clock, cause):
+    viewed = Viewed(clock).hear(DRIVER, withheld=cause.name, state="engaged").hear(SIMULATION)
+    told = unfelt(viewed, FRAME, True)
+    assert told["words"] in ("tool not felt", "less force") and told["todo"] and "~/" not in told["todo"]
+
+
+def test_what_the_hand_must_do_has_the_way_to_go_and_depends_on_whose_hand_it_is(clock):
+    viewed = Viewed(clock).hear(DRIVER, withheld="waiting").hear(SIMULATION)
+    told = unfelt(viewed, FRAME, True)["todo"]
+    assert told == "Tool not felt. Drag the blue handle onto the orange tool: 12 mm to go."
+    viewed.axes = 0
+    assert unfelt(viewed, FRAME, True)["todo"] == "Tool not felt. Lead the handle to the tool: 12 mm to go."
+    near = FRAME | {"tool": [0.0004, 0.0, 0.0]}
+    assert unfelt(viewed, near, True)["todo"] == "Tool not felt. Lead the handle out of the walls."
+
+
+def test_a_simulation_that_fell_silent_is_told_and_one_that_was_never_there_is_not(clock):
+    viewed = Viewed(clock).hear(DRIVER, withheld="")
+    assert unfelt(viewed, FRAME, True)["words"] == "simulation silent"
+    assert unfelt(viewed, FRAME, False)["words"] == ""
+    assert unfelt(viewed.hear(SIMULATION), FRAME, True) == {"words": "", "todo": ""}
