@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Does what pages ask for. What goes wrong is a ValueError with a sentence for whoever asked."""
 
+import math
 import time
 
 from haptic_device.description import Device, load_device
@@ -17,8 +18,10 @@ RECORDER = "haptic_recorder"
 UNCONFIGURED, INACTIVE, ACTIVE = 1, 2, 3  # lifecycle states
 CONFIGURE, ACTIVATE, DEACTIVATE = 1, 3, 4  # lifecycle transitions
 STOPPING = ("estop", "disable")
+YIELDED = 5e-4  # [m, rad] between the hand's target and the handle, by which it pulls at nothing that is felt
 EDGE = 0.01  # of the workspace at either end is where a page leads no hand
-LEADING = (messages.Aim, messages.LoadScene, messages.ChooseMethod, messages.StartScene)  # the hand
+SCENES = (messages.LoadScene, messages.ChooseMethod, messages.StartScene)
+SLOW = (0.2, 3.0)  # m/s, rad/s at most, with which the hand is led to where a scene begins
 AGAIN, PATIENCE = 0.4, 4.8  # s: a busy machine may hold a node up for seconds
 POLLED = 0.4  # s for an answer that is asked for every second anyway
 BAG = 20.0  # s that a recorder may take to open or close a bag
@@ -36,7 +39,7 @@ class CommandHandler:
         self.client, self.state, self.hand, self._nodes = client, state, Hand(), nodes
         self.values, self.device, self.problem, self.held_off = {}, None, "", False
         self.scenes = SceneController(self)
-        self._speeds, self._asked_device, self._leader = speeds, None, None
+        self._speeds, self._asked_device, self._keeper = speeds, None, None
         self._marks = client.node.create_publisher(String, "mark", TRACE)
         self._prepare()
 
@@ -46,6 +49,11 @@ class CommandHandler:
         return not self.held_off and self.state.said(DRIVER, "state", "idle") not in ("idle", "fault")
 
     @property
+    def faulty(self) -> bool:
+        """Whether the driver says that a fault is latched."""
+        return self.state.said(DRIVER, "state") == "fault"
+
+    @property
     def arrived(self) -> bool:
         """Whether the hand's target, as the device last said it, is where a page wants it to be."""
         truth, hand = self.state.truth, self.hand
@@ -53,6 +61,12 @@ class CommandHandler:
             return False
         there = zip(self.state.to_world(truth.target), hand.goal, range(self.state.axes), strict=False)
         return all(abs(place - goal) < THERE for place, goal, _ in there)
+
+    @property
+    def yielded(self) -> bool:
+        """Whether the hand's target is where the handle is, or no hand is heard of."""
+        truth = self.state.truth
+        return truth is None or math.dist(truth.position, truth.target) < YIELDED
 
     @property
     def workspace(self) -> tuple[tuple[float, float], ...] | None:
@@ -68,18 +82,23 @@ class CommandHandler:
         """Where the hand may go in the world, and speeds; without a description of the device, a workspace of 1 m.
 
         It keeps off the ends, beyond which the driver has a fault: a hand swings past where it wants to be."""
+        speeds = map(min, self._speeds, SLOW) if self.scenes.changing else self._speeds
         if self.workspace is None:
-            return Limits(((-0.5, 0.5),) * 2 + ((-100.0, 100.0),), *self._speeds)
+            return Limits(((-0.5, 0.5),) * 2 + ((-100.0, 100.0),), *speeds)
         ends = tuple((low + EDGE * (high - low), high - EDGE * (high - low)) for low, high in self.workspace)
-        return Limits(ends, *self._speeds)
+        return Limits(ends, *speeds)
 
     async def do(self, message: messages.Command, session) -> str:
         """Does it for a page; returns the sentence that says what was done, "" if there is nothing to say."""
-        if isinstance(message, LEADING):
-            self._leader = session
+        if isinstance(message, SCENES):
+            self._keeper = session
         match message:
             case messages.Aim():
-                return self.aim(message.place)
+                return self._follow(session, message.place)
+            case messages.LetGo():
+                return self._let_go(session)
+            case messages.TakeOver():
+                return self._take_over(session)
             case messages.Trigger():
                 return await self._trigger(message.service)
             case messages.Set():
@@ -109,6 +128,8 @@ class CommandHandler:
         if named and named != self._asked_device:
             self._asked_device = named
             self._describe(named)
+        if self._nodes is not None:
+            self._nodes.keep(self.values)
 
     async def heard(self) -> dict[str, dict]:
         """The parameters of the nodes that are heard, asked for now. ValueError: one of them does not say its own."""
@@ -134,10 +155,10 @@ class CommandHandler:
             self.hand.release()
             return
         truth, to_world = self.state.truth, self.state.to_world
-        self.hand.listen(now, self._leader.heard if self._leader else 0)
+        self.hand.listen(now, self._keeper.heard if self._keeper else 0)
         place = self.hand.lead(now, self.limits)
         if self.hand.loose:
-            place = self.hand.give_in(now, to_world(truth.position), to_world(truth.target))
+            place = self.hand.give_in(now, to_world(truth.position), to_world(truth.target), self.limits)
         if place is not None:
             self.client.aim(place)
 
@@ -154,6 +175,35 @@ class CommandHandler:
         hint = self.hand.aim(place, self.limits)
         self.lead(now)
         return hint
+
+    def let_go(self) -> None:
+        """The hand pulls at nothing, and no page leads it."""
+        self.hand.let_go(time.monotonic())
+
+    def _follow(self, session, place):
+        """The first page to aim leads until it has let go, or another takes over."""
+        if self.scenes.changing:
+            raise ValueError("wait: the hand goes to where the scene begins")
+        if self.hand.leader not in (None, session):
+            raise ValueError("another page leads the hand: press Take over")
+        self._keeper = session
+        hint = self.aim(place)
+        self.hand.leader = session
+        return hint
+
+    def _let_go(self, session):
+        if self.hand.leader is session:
+            self.let_go()
+        return ""
+
+    def _take_over(self, session):
+        """The hand stays where it is, and is this page's."""
+        if self.scenes.changing:
+            raise ValueError("wait: the hand goes to where the scene begins")
+        if self.state.axes:
+            self.hand.take(tuple(self.state.to_world(self.state.truth.target)), time.monotonic())
+            self._keeper = self.hand.leader = session
+        return "this page leads the hand"
 
     def _prepare(self):
         """Services are looked for before they are needed: an e-stop must not wait for its own to be found."""
@@ -173,6 +223,8 @@ class CommandHandler:
     async def _trigger(self, service):
         if service != "reset":
             self.held_off = service != "enable"
+        if service == "estop" and not self.scenes.changing:
+            self.let_go()
         return await self.order(service)
 
     async def _set(self, name, value):
