@@ -278,9 +278,10 @@ class Cable:
 
 @pytest.fixture(scope="session")
 def tab(chromium, system):
-    """The first page, with control."""
+    """The first page, with control, once the nodes are up."""
     tab = Tab(chromium)
     tab.page.goto(system.address)
     tab.until("document.querySelectorAll('.tuned').length > 0")
+    tab.until_text("state", "^engaged$")
     yield tab
     tab.page.close()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the page makes of mouse, keys and buttons that lead the hand: asked of a viewer that is made up, without nodes."""
+"""What the page makes of mouse, keys and buttons that lead the hand: asked of a viewer without nodes."""
 
 import pytest
 import waiting
