@@ -298,20 +298,6 @@ def test_drags_beyond_the_workspace_are_clamped_with_a_hint(tab, listener):
     tab.engage()
 
 
-def test_without_a_simulated_hand_whoever_wants_to_lead_it_is_told(tab):
-    said = tab.page.evaluate("""async () => {
-        const { Hand } = await import("./hand.js");
-        const said = [];
-        const view = { canvas: document.createElement("canvas"), frame: { target: null } };
-        const hand = new Hand(view, (place) => said.push(place));
-        hand.move(0.01, 0, 0);
-        view.frame.target = [0, 0, 0];
-        hand.move(0.01, 0, 0);
-        return said;
-    }""")
-    assert said == [None, {"x": 0.01, "y": 0}]
-
-
 def test_a_reload_and_a_second_tab_recover_by_themselves(system, tab, chromium):
     tab.page.reload()
     second = Tab(chromium)
