@@ -10,6 +10,7 @@ from haptic_sim.client import Client
 from haptic_sim.service_requests import change_state, get_parameters, set_parameters, state_of, trigger
 from haptic_sim.viewer import messages, settings
 from haptic_sim.viewer.hand import THERE, Hand, Limits
+from haptic_sim.viewer.leading_page import LeadingPage
 from haptic_sim.viewer.scene_controller import SceneController
 from haptic_sim.viewer.settings import DRIVER, LOOPBACK, SIMULATION
 from haptic_sim.viewer.state import State
@@ -38,8 +39,8 @@ class CommandHandler:
     def __init__(self, client: Client, state: State, speeds: tuple[float, float], nodes=None):
         self.client, self.state, self.hand, self._nodes = client, state, Hand(), nodes
         self.values, self.device, self.problem, self.held_off = {}, None, "", False
-        self.scenes = SceneController(self)
-        self._speeds, self._asked_device, self._keeper = speeds, None, None
+        self.scenes, self.pages = SceneController(self), LeadingPage(self)
+        self._speeds, self._asked_device = speeds, None
         self._marks = client.node.create_publisher(String, "mark", TRACE)
         self._prepare()
 
@@ -91,14 +92,14 @@ class CommandHandler:
     async def do(self, message: messages.Command, session) -> str:
         """Does it for a page; returns the sentence that says what was done, "" if there is nothing to say."""
         if isinstance(message, SCENES):
-            self._keeper = session
+            self.pages.keeper = session
         match message:
             case messages.Aim():
-                return self._follow(session, message.place)
+                return self.pages.follow(session, message.place)
             case messages.LetGo():
-                return self._let_go(session)
+                return self.pages.let_go(session)
             case messages.TakeOver():
-                return self._take_over(session)
+                return self.pages.take_over(session)
             case messages.Trigger():
                 return await self._trigger(message.service)
             case messages.Set():
@@ -155,7 +156,7 @@ class CommandHandler:
             self.hand.release()
             return
         truth, to_world = self.state.truth, self.state.to_world
-        self.hand.listen(now, self._keeper.heard if self._keeper else 0)
+        self.hand.listen(now, self.pages.heard)
         place = self.hand.lead(now, self.limits)
         if self.hand.loose:
             place = self.hand.give_in(now, to_world(truth.position), to_world(truth.target), self.limits)
@@ -179,31 +180,6 @@ class CommandHandler:
     def let_go(self) -> None:
         """The hand pulls at nothing, and no page leads it."""
         self.hand.let_go(time.monotonic())
-
-    def _follow(self, session, place):
-        """The first page to aim leads until it has let go, or another takes over."""
-        if self.scenes.changing:
-            raise ValueError("wait: the hand goes to where the scene begins")
-        if self.hand.leader not in (None, session):
-            raise ValueError("another page leads the hand: press Take over")
-        self._keeper = session
-        hint = self.aim(place)
-        self.hand.leader = session
-        return hint
-
-    def _let_go(self, session):
-        if self.hand.leader is session:
-            self.let_go()
-        return ""
-
-    def _take_over(self, session):
-        """The hand stays where it is, and is this page's."""
-        if self.scenes.changing:
-            raise ValueError("wait: the hand goes to where the scene begins")
-        if self.state.axes:
-            self.hand.take(tuple(self.state.to_world(self.state.truth.target)), time.monotonic())
-            self._keeper = self.hand.leader = session
-        return "this page leads the hand"
 
     def _prepare(self):
         """Services are looked for before they are needed: an e-stop must not wait for its own to be found."""

@@ -69,6 +69,14 @@ def test_a_page_that_takes_over_leads_from_where_the_hand_is_and_the_other_no_mo
         told(handler, AIM, first)
 
 
+def test_without_a_hand_nobody_leads_and_whoever_wants_to_is_told(handler):
+    handler.state.axes = 0
+    for message in (AIM, messages.TakeOver()):
+        with pytest.raises(ValueError, match="haptic_loopback does not run"):
+            told(handler, message, Page())
+    assert handler.hand.leader is None
+
+
 def test_a_hand_that_is_let_go_is_at_the_handle_at_the_next_look(handler):
     page = Page()
     told(handler, AIM, page)
