@@ -16,7 +16,7 @@ from haptic_device.config_files import find
 from haptic_device.os_errors import in_words
 from haptic_device.parameter_files import read_operating_point
 from haptic_sim.cli.completion import exchange_method, shipped
-from haptic_sim.cli.keys import ESTOP, keys
+from haptic_sim.cli.keys import ESTOP, keys, stop_key
 from haptic_sim.cli.numbers import number, whole
 from haptic_sim.cli.progress import INTERRUPTED, status_line
 from haptic_sim.cli.words import next_step, shown_path
@@ -75,7 +75,8 @@ def _kept(order: Order | None) -> str:
 def _view(order, host, port):
     from haptic_sim.supervision.node_manager import play
 
-    done = play(order, {"host": host, "port": port})
+    with stop_key() as stop:
+        done = play(order, {"host": host, "port": port}, stop)
     print(f"haptic demo: all nodes have ended{_kept(order)}", file=sys.stderr, flush=True)
     if (order.out / "bag").exists():
         next_step(f"haptic report {shown_path(order.out / 'bag')}")

@@ -29,6 +29,13 @@ def keys() -> Iterator[Callable[[], str]]:
             termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
 
 
+@contextlib.contextmanager
+def stop_key() -> Iterator[Callable[[], bool] | None]:
+    """Yields a function that says whether the e-stop's key has been pressed; None without a terminal."""
+    with keys() as pressed:
+        yield (lambda: pressed() == ESTOP) if sys.stdin and sys.stdin.isatty() else None
+
+
 def _pressed(descriptor: int) -> str:
     if not select.select([descriptor], [], [], 0.0)[0]:
         return ""

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from haptic_sim.cli.keys import stop_key
 from haptic_sim.cli.numbers import whole
 from haptic_sim.supervision.processes import NAMESPACE, ros_arguments
 
@@ -17,6 +18,7 @@ def view(
     """Show a running system on a local web page, where the mouse is the hand. Ctrl-C is the normal end."""
     from haptic_sim.viewer.viewer import main
 
-    code = main(ros_arguments(namespace, {"host": host, "port": port}))
+    with stop_key() as stop:
+        code = main(ros_arguments(namespace, {"host": host, "port": port}), stop)
     if code:
         raise typer.Exit(code)

@@ -5,6 +5,7 @@ import asyncio
 import time
 from collections.abc import Collection
 
+from haptic_sim.node_parameters import NODES
 from haptic_sim.supervision.domain import isolated_domain
 from haptic_sim.supervision.prepare import prepare
 from haptic_sim.supervision.processes import NAMESPACE, Nodes, ros_arguments, undisturbed
@@ -12,7 +13,8 @@ from haptic_sim.supervision.system import Order, Relay, programs_of
 
 RECORDER = "haptic_recorder"
 HAND = {"haptic_loopback": {"motion.name": "follow"}, RECORDER: {"bag": "", "autostart": False}}
-NETWORK = {"delay": 2000.0, "jitter": 2000.0}  # most that may be asked for [ms]
+NETWORK = {"delay": 200.0, "jitter": 200.0}  # most that may be asked for [ms]: beyond it nothing more is felt
+DRIVER, SIMULATION = "haptic_driver", "haptic_simulation"
 
 
 class NodeManager:
@@ -26,6 +28,19 @@ class NodeManager:
         """Starts all nodes."""
         for program in programs_of(self._order):
             self._nodes.start(program)
+
+    def keep(self, values: dict[str, dict]) -> None:
+        """What the next start of the nodes shall not lose: the driver's live parameters, the simulation's scene and
+        method. values: as the nodes say them now, {node: {name: value}}; what is not said stays as it was."""
+        if self._changing.locked():
+            return
+        live = {parameter.name for parameter in NODES[DRIVER] if parameter.live}
+        driver = {name: value for name, value in values.get(DRIVER, {}).items() if name in live}
+        method = {name: value for name, value in values.get(SIMULATION, {}).items() if name == "method"}
+        given = self._order.given
+        kept = {DRIVER: given.get(DRIVER, {}) | driver, SIMULATION: given.get(SIMULATION, {}) | method}
+        scene = values.get(SIMULATION, {}).get("scene", self._order.scene)
+        self._order = self._order._replace(scene=scene, given=given | kept)
 
     def offer(self) -> dict:
         """What `change` takes, and how it is now."""
@@ -41,7 +56,7 @@ class NodeManager:
         return {"exchange.method": method, **times, "loss": loss}
 
     async def change(self, name: str, value) -> str:
-        """Starts the nodes again with this changed; the recorder goes on. ValueError if it cannot be so."""
+        """Starts the nodes again with this changed, all else kept; the recorder goes on. ValueError if it cannot be."""
         async with self._changing:
             order = self._changed(name, value)
             programs = [program for program in programs_of(order) if program.name != RECORDER]
@@ -60,15 +75,12 @@ class NodeManager:
         """{name: how} of the nodes that have ended by themselves."""
         return self._nodes.ended()
 
-    async def start_again(self, names: Collection[str], given: dict[str, dict]) -> None:
-        """Starts these nodes again, with these parameters before the order's: {node: {name: value}}. One that still
-        runs is killed first, for it was silent."""
+    async def start_again(self, names: Collection[str]) -> None:
+        """Starts these nodes again. One that still runs is killed first, for it was silent."""
         async with self._changing:
             for name in names:
                 self._nodes.kill(name)
-            kept = {name: self._order.given.get(name, {}) | values for name, values in given.items()}
-            order = self._order._replace(given=self._order.given | kept)
-            for program in programs_of(order):
+            for program in programs_of(self._order):
                 if program.name in names:
                     self._nodes.start(program)
 
@@ -88,8 +100,9 @@ class NodeManager:
         return self._order._replace(relay=relay if any(relay) else None)
 
 
-def play(order: Order, page: dict) -> bool:
-    """Runs the nodes of the order with a page, until Ctrl-C or the order's seconds are over. page: host and port."""
+def play(order: Order, page: dict, stop=None) -> bool:
+    """Runs the nodes of the order with a page, until Ctrl-C or the order's seconds are over. page: host and port;
+    stop() asks for an e-stop."""
     order = order._replace(given=HAND)
     prepare(programs_of(order))
     with isolated_domain(order.out / "log"), Nodes(order.out / "log") as nodes:
@@ -100,5 +113,7 @@ def play(order: Order, page: dict) -> bool:
             from haptic_sim.viewer.viewer import serve  # ROS is imported while the nodes start
 
         told, end = hear_the_end(), None if order.seconds is None else time.monotonic() + order.seconds
-        serve(ros_arguments(NAMESPACE, page), lambda: told or (end is not None and time.monotonic() > end), manager)
+        serve(
+            ros_arguments(NAMESPACE, page), lambda: told or (end is not None and time.monotonic() > end), manager, stop
+        )
     return True

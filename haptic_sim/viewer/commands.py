@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Does what pages ask for. What goes wrong is a ValueError with a sentence for whoever asked."""
 
+import math
 import time
 
 from haptic_device.description import Device, load_device
@@ -9,6 +10,7 @@ from haptic_sim.client import Client
 from haptic_sim.service_requests import change_state, get_parameters, set_parameters, state_of, trigger
 from haptic_sim.viewer import messages, settings
 from haptic_sim.viewer.hand import THERE, Hand, Limits
+from haptic_sim.viewer.leading_page import LeadingPage
 from haptic_sim.viewer.recovery import Recovery
 from haptic_sim.viewer.scene_controller import SceneController
 from haptic_sim.viewer.settings import DRIVER, LOOPBACK, SIMULATION
@@ -19,8 +21,10 @@ RECORDER = "haptic_recorder"
 UNCONFIGURED, INACTIVE, ACTIVE = 1, 2, 3  # lifecycle states
 CONFIGURE, ACTIVATE, DEACTIVATE = 1, 3, 4  # lifecycle transitions
 STOPPING = ("estop", "disable")
+YIELDED = 5e-4  # [m, rad] between the hand's target and the handle, by which it pulls at nothing that is felt
 EDGE = 0.01  # of the workspace at either end is where a page leads no hand
-LEADING = (messages.Aim, messages.LoadScene, messages.ChooseMethod, messages.StartScene, messages.Mend)  # the hand
+LEADING = (messages.LoadScene, messages.ChooseMethod, messages.StartScene, messages.Mend)  # lead the hand to a place
+SLOW = (0.2, 3.0)  # m/s, rad/s at most, with which the hand is led to where a scene begins
 AGAIN, PATIENCE = 0.4, 4.8  # s: a busy machine may hold a node up for seconds
 POLLED = 0.4  # s for an answer that is asked for every second anyway
 BAG = 20.0  # s that a recorder may take to open or close a bag
@@ -37,9 +41,9 @@ class CommandHandler:
     def __init__(self, client: Client, state: State, speeds: tuple[float, float], nodes=None):
         self.client, self.state, self.hand, self._nodes = client, state, Hand(), nodes
         self.values, self.device, self.problem, self.held_off = {}, None, "", False
-        self.scenes, self.recovery = SceneController(self), Recovery(self, nodes)
+        self.scenes, self.pages, self.recovery = SceneController(self), LeadingPage(self), Recovery(self, nodes)
         self.troubles = TroubleFinder(state, client, nodes)
-        self._speeds, self._asked_device, self._leader = speeds, None, None
+        self._speeds, self._asked_device = speeds, None
         self._marks = client.node.create_publisher(String, "mark", TRACE)
         self._prepare()
 
@@ -47,6 +51,11 @@ class CommandHandler:
     def driving(self) -> bool:
         """Whether the motor is on, or waits for a small force, and no page has said otherwise."""
         return not self.held_off and self.state.said(DRIVER, "state", "idle") not in ("idle", "fault")
+
+    @property
+    def faulty(self) -> bool:
+        """Whether the driver says that a fault is latched."""
+        return self.state.said(DRIVER, "state") == "fault"
 
     @property
     def arrived(self) -> bool:
@@ -66,6 +75,12 @@ class CommandHandler:
         return all(low <= at <= high for at, (low, high) in zip(place, self.workspace, strict=False))
 
     @property
+    def yielded(self) -> bool:
+        """Whether the hand's target is where the handle is, or no hand is heard of."""
+        truth = self.state.truth
+        return truth is None or math.dist(truth.position, truth.target) < YIELDED
+
+    @property
     def workspace(self) -> tuple[tuple[float, float], ...] | None:
         """Of each axis, in the world [m, m, rad]; None without a description of the device."""
         if not isinstance(self.device, Device):
@@ -79,18 +94,23 @@ class CommandHandler:
         """Where the hand may go in the world, and speeds; without a description of the device, a workspace of 1 m.
 
         It keeps off the ends, beyond which the driver has a fault: a hand swings past where it wants to be."""
+        speeds = map(min, self._speeds, SLOW) if self.scenes.changing else self._speeds
         if self.workspace is None:
-            return Limits(((-0.5, 0.5),) * 2 + ((-100.0, 100.0),), *self._speeds)
+            return Limits(((-0.5, 0.5),) * 2 + ((-100.0, 100.0),), *speeds)
         ends = tuple((low + EDGE * (high - low), high - EDGE * (high - low)) for low, high in self.workspace)
-        return Limits(ends, *self._speeds)
+        return Limits(ends, *speeds)
 
     async def do(self, message: messages.Command, session) -> str:
         """Does it for a page; returns the sentence that says what was done, "" if there is nothing to say."""
         if isinstance(message, LEADING):
-            self._leader = session
+            self.pages.keeper = session
         match message:
             case messages.Aim():
-                return self.aim(message.place)
+                return self.pages.follow(session, message.place)
+            case messages.LetGo():
+                return self.pages.let_go(session)
+            case messages.TakeOver():
+                return self.pages.take_over(session)
             case messages.Trigger():
                 return await self._trigger(message.service)
             case messages.Set():
@@ -122,6 +142,8 @@ class CommandHandler:
         if named and named != self._asked_device:
             self._asked_device = named
             self._describe(named)
+        if self._nodes is not None:
+            self._nodes.keep(self.values)
 
     async def heard(self) -> dict[str, dict]:
         """The parameters of the nodes that are heard, asked for now. ValueError: one of them does not say its own."""
@@ -147,10 +169,10 @@ class CommandHandler:
             self.hand.release()
             return
         truth, to_world = self.state.truth, self.state.to_world
-        self.hand.listen(now, self._leader.heard if self._leader else 0)
+        self.hand.listen(now, self.pages.heard)
         place = self.hand.lead(now, self.limits)
         if self.hand.loose:
-            place = self.hand.give_in(now, to_world(truth.position), to_world(truth.target))
+            place = self.hand.give_in(now, to_world(truth.position), to_world(truth.target), self.limits)
         if place is not None:
             self.client.aim(place)
 
@@ -167,6 +189,10 @@ class CommandHandler:
         hint = self.hand.aim(place, self.limits)
         self.lead(now)
         return hint
+
+    def let_go(self) -> None:
+        """The hand pulls at nothing, and no page leads it."""
+        self.hand.let_go(time.monotonic())
 
     def _prepare(self):
         """Services are looked for before they are needed: an e-stop must not wait for its own to be found."""
@@ -186,6 +212,8 @@ class CommandHandler:
     async def _trigger(self, service):
         if service != "reset":
             self.held_off = service != "enable"
+        if service == "estop" and not self.scenes.changing:
+            self.let_go()
         return await self.order(service)
 
     async def _set(self, name, value):

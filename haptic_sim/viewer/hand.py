@@ -20,14 +20,15 @@ class Limits(NamedTuple):
 
 
 class Hand:
-    """`goal` is what the page asked for, `sent` what the hand was told last; None before anybody took the hand.
+    """`goal` is what the page asked for, `sent` what the hand was told last; None while nobody holds the hand.
 
-    loose: it has let go, and gives in to the handle until it rests where that is."""
+    leader: the page that leads it and has not let go. loose: the hand has let go, and gives in to the handle until it
+    rests where that is."""
 
     def __init__(self):
         self.goal: Planar | None = None
         self.sent: Planar | None = None
-        self.loose = False
+        self.loose, self.leader = False, None
         self._moved = self._reached = -math.inf
         self._heard, self._silent, self._listened = 0, 0.0, -math.inf
 
@@ -39,8 +40,13 @@ class Hand:
 
     def release(self) -> None:
         """Forgets everything: the device has gone."""
-        self.goal = self.sent = None
+        self.goal = self.sent = self.leader = None
         self.loose = False
+
+    def let_go(self, now: float) -> None:
+        """Pulls at nothing from now on [s], wherever the handle goes."""
+        self.goal = self.sent = self.leader = None
+        self.loose, self._reached = True, now
 
     def listen(self, now: float, heard: int) -> None:
         """Lets go after SILENCE. heard: messages so far of the page that leads it; now [s]."""
@@ -48,16 +54,17 @@ class Hand:
         self._silent = self._silent + elapsed if heard == self._heard else 0.0
         self._heard = heard
         if self.goal is not None and self._silent > SILENCE:
-            self.goal = self.sent = None
-            self.loose, self._reached = True, now
+            self.let_go(now)
 
-    def give_in(self, now: float, handle: Planar, target: Planar) -> Planar | None:
-        """Loose, its next target, which is where the handle is: so it pulls at nothing. None once its target has been
-        there for AFTER, and when it is held. now [s]."""
-        if any(abs(a - b) > THERE for a, b in zip(handle, target, strict=True)):
+    def give_in(self, now: float, handle: Planar, target: Planar, limits: Limits) -> Planar | None:
+        """Loose, its next target, which is where the handle is, within the limits: so it pulls at nothing. None once
+        its target has been there for AFTER, and when it is held. now [s]."""
+        ends = (*limits.workspace, *[(-math.inf, math.inf)] * 3)
+        place = tuple(min(high, max(low, at)) for at, (low, high) in zip(handle, ends, strict=False))
+        if any(abs(a - b) > THERE for a, b in zip(place, target, strict=True)):
             self._reached = now
         self.loose = self.loose and now < self._reached + AFTER
-        return handle if self.loose else None
+        return place if self.loose else None
 
     def aim(self, place: dict[str, float], limits: Limits) -> str:
         """Sets the goal's coordinates that the place names; returns a hint where it had to be clamped, else ""."""

@@ -55,6 +55,18 @@ class Aim(Message):
         return self
 
 
+class LetGo(Message):
+    """The hand pulls at nothing any more."""
+
+    do: Literal["let_go"] = "let_go"
+
+
+class TakeOver(Message):
+    """This page leads the hand from now on, and no other."""
+
+    do: Literal["take_over"] = "take_over"
+
+
 class Trigger(Message):
     """A service of the driver."""
 
@@ -118,7 +130,9 @@ class Restart(Message):
     value: Value
 
 
-Command = Aim | Trigger | Set | LoadScene | ChooseMethod | StartScene | Mark | Record | Restart | Mend
+Command = (
+    Aim | Trigger | Set | LoadScene | ChooseMethod | StartScene | Mark | Record | Restart | LetGo | TakeOver | Mend
+)
 PageMessage = Seen | Command
 _MODELS = {model.model_fields["do"].default: model for model in get_args(PageMessage)}
 _ADAPTER = TypeAdapter(Annotated[PageMessage, Field(discriminator="do")])

@@ -45,9 +45,7 @@ class Recovery:
             raise ValueError("these nodes are not the page's to start: start them where they were started")
         commands = self._commands
         commands.hand.release()
-        chosen = commands.values.get(SIMULATION, {})
-        kept = {SIMULATION: {name: chosen[name] for name in ("scene", "method") if name in chosen}}
-        await self._nodes.start_again(names, kept)
+        await self._nodes.start_again(names)
         for name in names:
             commands.client.statuses.pop(name, None)  # of the node that is gone
             commands.client.heard.pop(name, None)

@@ -13,6 +13,7 @@ from haptic_sim.viewer.settings import SIMULATION
 
 LOADING = 180.0  # s that a simulation may take to load: a method that nobody has used before is compiled
 ARRIVAL = 10.0  # s that the hand may take to the place where a scene begins
+YIELD = 1.0  # s that a hand that lets go may take to pull at nothing
 REST = 0.2  # s that handle and tool are given there
 
 
@@ -21,6 +22,11 @@ class SceneController:
 
     def __init__(self, commands):
         self._commands, self._changing = commands, asyncio.Lock()
+
+    @property
+    def changing(self) -> bool:
+        """Whether the hand is led to the start of a scene, and none but this may lead it."""
+        return self._changing.locked()
 
     async def load(self, name: str) -> str:
         """Another scene."""
@@ -35,18 +41,24 @@ class SceneController:
         return await self._enter({"method": name})
 
     async def start_again(self) -> str:
-        """The start of the scene."""
-        return await self._enter({})
+        """The start of the scene, with the motor on: a fault is cleared. Only a motor that a page has switched off
+        without a fault stays off."""
+        return await self._enter({}, self._commands.faulty)
 
-    async def _enter(self, change):
+    async def _enter(self, change, repairing=False):
         """Motor off, the hand to where the scene begins, the scene, motor on again; it waits for a small force."""
-        if self._changing.locked():
+        if self.changing:
             raise ValueError("the scene is being changed already")
         async with self._changing:
             driven = self._commands.driving
+            if repairing:
+                self._commands.held_off = False  # what was stopped before; a stop from now on counts
+            await self._let_go()
             if driven:
                 await self._commands.order("disable")
             await self._lead_to_start(change.get("scene"))
+            if repairing:
+                await self._clear()
             try:
                 said = await self._change(change)
             except ValueError:  # what there was goes on from its start: the tool cannot be far from the hand
@@ -54,10 +66,22 @@ class SceneController:
                 await self._quietly(self._commands.ask(trigger(f"{SIMULATION}/reset_scene")))
                 raise
             finally:
-                if driven and not self._commands.held_off:
+                if (driven or repairing) and not self._commands.held_off:
                     await self._quietly(self._commands.order("enable"))
             await self._commands.poll()
         return said
+
+    async def _let_go(self):
+        """The hand stops pulling while the motor still holds against it: else it would fly off with the motor."""
+        self._commands.let_go()
+        end = time.monotonic() + YIELD
+        while not self._commands.yielded and time.monotonic() < end:
+            await asyncio.sleep(0.02)
+
+    async def _clear(self):
+        if self._commands.held_off:
+            raise ValueError("stopped again while the hand went to the start")
+        await self._commands.order("reset")
 
     async def _change(self, change):
         """Has the simulation load, with these parameters, or begin again; parameters that it cannot load are undone."""

@@ -10,7 +10,7 @@ import time
 from aiohttp import WSMsgType, web
 
 from haptic_device.os_errors import in_words
-from haptic_sim.viewer.messages import Aim, Seen, parse
+from haptic_sim.viewer.messages import Aim, Seen, Trigger, parse
 
 MOST_PER_SECOND = 300  # messages that are taken
 BURST = 150  # messages beyond that
@@ -22,6 +22,7 @@ MOST_BUSY = 32  # things that a page has asked for and that are not done
 MOST_ANSWERS = 64  # kept for a page that takes none; the oldest go
 ANSWER = "answer "  # kind of news, followed by a number: none takes another's place
 STOP = '"estop"'  # a message with this is always heard
+ALLOWED = Trigger(service="estop")  # of a page without control: nobody is refused a stop
 
 
 class Session:
@@ -93,8 +94,8 @@ class Session:
     def _take(self, text):
         try:
             message = parse(text)
-            if not self.control and not isinstance(message, Seen):
-                raise ValueError("this page only looks on")
+            if not self.control and not isinstance(message, Seen) and message != ALLOWED:
+                raise ValueError("this page is view-only")
         except ValueError as refusal:
             self._hint(str(refusal))
             return

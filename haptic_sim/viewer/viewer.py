@@ -28,7 +28,7 @@ from haptic_sim.viewer import settings
 from haptic_sim.viewer.commands import CommandHandler
 from haptic_sim.viewer.guard import is_loopback
 from haptic_sim.viewer.markers import MarkerPublisher
-from haptic_sim.viewer.messages import Aim
+from haptic_sim.viewer.messages import Aim, LetGo, Trigger
 from haptic_sim.viewer.page_words import in_page_words
 from haptic_sim.viewer.parameters import PARAMETERS
 from haptic_sim.viewer.server import Server
@@ -37,11 +37,12 @@ from haptic_sim.viewer.state import State
 from haptic_sim.viewer.unfelt import unfelt
 
 STATUS_PERIOD, POLL_PERIOD = 0.25, 1.0  # s
+STOP = Trigger(service="estop")
 
 
 class Viewer:
     """A viewer on a node that it may use alone. nodes: the nodes, where they are this process's to start again: has
-    offer(), changing, ended(), async change(name, value) and async start_again(names, given)."""
+    offer(), changing, ended(), keep(values), async change(name, value) and async start_again(names)."""
 
     def __init__(self, node, values: dict, nodes=None):
         client = Client(node)
@@ -52,27 +53,29 @@ class Viewer:
         self.server = Server(values["host"], values["port"], self._welcome, self._do, self._save)
         self._node, self._values, self._executor = node, values, SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
-        self._scene_told, self._state_told, self._status_due = 0, None, 0.0
+        self._scene_told, self._state_told, self._status_due, self._leader_told = 0, None, 0.0, None
         self._cpu, self._cpu_at, self._sent, self._figures = time.process_time(), time.monotonic(), 0, {}
 
-    async def run(self, told) -> None:
-        """Serves until told() is true."""
+    async def run(self, told, stop=None) -> None:
+        """Serves until told() is true; stop(), if there is one: whether somebody wants an e-stop now."""
         try:
             await self.server.start()
             spare_collections()  # one of them would hold up an e-stop
-            self._announce()
+            self._announce("space here, " if stop else "")
             polling = asyncio.create_task(self._poll())
-            await self._look_on(told)
+            await self._look_on(told, stop or (lambda: False))
             polling.cancel()
         finally:
             await self.server.stop()
             self._executor.shutdown()
 
-    async def _look_on(self, told):
-        period, due = 1.0 / self._values["rate"], time.monotonic()
+    async def _look_on(self, told, stop):
+        period, due, stops = 1.0 / self._values["rate"], time.monotonic(), set()
         while not told():
             due = max(due + period, time.monotonic())
             await asyncio.sleep(due - time.monotonic())
+            if stop():
+                stops.add(asyncio.create_task(self._stop()))
             self.state.look()
             self.commands.troubles.look(self.commands.recovery.running)
             self.commands.lead(time.monotonic())
@@ -80,6 +83,7 @@ class Viewer:
             self._unfelt = unfelt(self.state, frame, SIMULATION in self._client.statuses)
             self.server.show(frame)
             self._markers.show(self.state.scene, frame, *self._surroundings(), time.monotonic())
+            self._tell_leader()
             self._tell_news(time.monotonic())
 
     def _tell_news(self, now):
@@ -94,6 +98,26 @@ class Viewer:
         if now >= self._status_due or state != self._state_told:
             self._state_told = state
             self._tell_status(now)
+
+    async def _stop(self):
+        try:
+            said = await self.commands.do(STOP, None)
+        except ValueError as refusal:
+            said = str(refusal)
+        print(f"e-stop: {said}", file=sys.stderr, flush=True)
+
+    def _tell_leader(self):
+        """Each page whether it leads the hand, when that changes. A page that has gone leads no more."""
+        hand, sessions = self.commands.hand, self.server.sessions
+        hand.leader = hand.leader if hand.leader in sessions else None
+        if hand.leader is not self._leader_told:
+            self._leader_told = hand.leader
+            for session in sessions:
+                session.tell("leader", self._leads(session))
+
+    def _leads(self, session):
+        leader = self.commands.hand.leader
+        return "none" if leader is None else "you" if leader is session else "other"
 
     def _answer_ros(self):
         """One request to this node's own services of parameters, if one waits."""
@@ -118,7 +142,7 @@ class Viewer:
             sentence = in_page_words(await self.commands.do(message, session))
         except ValueError as refusal:
             raise ValueError(in_page_words(str(refusal))) from None
-        if not isinstance(message, Aim):
+        if not isinstance(message, Aim | LetGo):
             self._tell_status(time.monotonic())  # before the answer, which is read in its light
             self.server.tell("values", self._tuning())
         return sentence
@@ -135,6 +159,7 @@ class Viewer:
                 "looking": self.server.address(False),
             },
         )
+        session.tell("leader", self._leads(session))
         session.tell("scene", self._scene())
         session.tell("values", self._tuning())
         session.tell("status", self._status())
@@ -187,7 +212,7 @@ class Viewer:
     async def _save(self):
         return settings.operating_point(self._node.get_namespace(), await self.commands.heard())
 
-    def _announce(self):
+    def _announce(self, here):
         host = self._values["host"]
         self._node.get_logger().info(f"serving pages on {host}, of the nodes in {self._node.get_namespace()}")
         if not is_loopback(host):
@@ -199,27 +224,29 @@ class Viewer:
             )
         print(f"haptic_viewer: open {self.server.address(True)}", flush=True)
         print(f"haptic_viewer: to look on only: {self.server.address(False)}", flush=True)
+        print(f"haptic_viewer: e-stop: {here}Esc on any page", flush=True)
 
 
-def serve(args: list[str] | None, told, nodes=None) -> None:
-    """A viewer with these ROS arguments until told() is true. ValueError, OSError to refuse."""
+def serve(args: list[str] | None, told, nodes=None, stop=None) -> None:
+    """A viewer with these ROS arguments until told() is true; stop() asks for an e-stop. ValueError, OSError to
+    refuse."""
     node = None
     try:
         begin_ros(args)
         node = made(lambda: Node("haptic_viewer"))
         refuse_files_of_others(node, "haptic_viewer", args)
-        asyncio.run(Viewer(node, declare(node, PARAMETERS), nodes).run(told))
+        asyncio.run(Viewer(node, declare(node, PARAMETERS), nodes).run(told, stop))
     finally:
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
 
 
-def main(args: list[str] | None = None) -> int:
-    """Runs haptic_viewer until SIGINT, SIGTERM or SIGHUP. Exit code 1 on a refusal."""
+def main(args: list[str] | None = None, stop=None) -> int:
+    """Runs haptic_viewer until SIGINT, SIGTERM or SIGHUP; stop() asks for an e-stop. Exit code 1 on a refusal."""
     told = hear_the_end()
     try:
-        serve(args, lambda: told)
+        serve(args, lambda: told, stop=stop)
     except (ValueError, OSError) as refusal:
         print(f"haptic_viewer: {in_words(refusal)}", file=sys.stderr)
         return 1

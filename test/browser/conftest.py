@@ -2,6 +2,8 @@
 """A running demo with its page, a real Chromium before it, and an ear that keeps what the others say."""
 
 import contextlib
+import os
+import pty
 import re
 import signal
 import socket
@@ -48,15 +50,22 @@ def figure():
 
 
 class System:
-    """`haptic demo --view` as a process; `address` and `looking` as it printed them."""
+    """`haptic demo --view` as a process in a terminal; `address` and `looking` as it printed them."""
 
     def __init__(self, folder: Path):
         self.folder = folder
         command = [sys.executable, "-m", "haptic_sim.cli.main", "demo", "--view", "--out", str(folder / "run")]
         command += ["--params", str(POINT)]
+        self._keys, terminal = pty.openpty()
         self.process = subprocess.Popen(
-            ending_with_us(command), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=folder
+            ending_with_us(command),
+            stdin=terminal,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            cwd=folder,
         )
+        os.close(terminal)
         limit = threading.Timer(COMPILING, self.process.kill)
         limit.start()
         try:
@@ -73,6 +82,10 @@ class System:
                 return found.group(1)
         self.process.wait(PATIENCE)
         raise AssertionError(f"haptic demo --view ended without an address: {''.join(said)}")
+
+    def press(self, key):
+        """A key of its terminal."""
+        os.write(self._keys, key.encode())
 
     def end(self):
         """Its exit code; a process that does not end in time is killed."""
@@ -265,9 +278,10 @@ class Cable:
 
 @pytest.fixture(scope="session")
 def tab(chromium, system):
-    """The first page, with control."""
+    """The first page, with control, once the nodes are up."""
     tab = Tab(chromium)
     tab.page.goto(system.address)
     tab.until("document.querySelectorAll('.tuned').length > 0")
+    tab.until_text("state", "^engaged$")
     yield tab
     tab.page.close()

@@ -26,7 +26,7 @@ from haptic_sim.scene.language import Scene, load
 from haptic_sim.viewer import messages, session, settings
 from haptic_sim.viewer import server as server_module
 from haptic_sim.viewer.guard import HEADERS, Guard, is_loopback, reachable
-from haptic_sim.viewer.hand import SILENCE, Hand, Limits
+from haptic_sim.viewer.hand import AFTER, SILENCE, Hand, Limits
 from haptic_sim.viewer.server import WEB, Server
 
 pytestmark = pytest.mark.timeout(300)
@@ -144,19 +144,37 @@ def test_each_file_of_the_page_comes_whole_as_what_it_is(kind):
     assert served(visit)[0] == [(types[kind], file.read_bytes()) for file in files] != []
 
 
-def test_a_page_with_control_is_obeyed_and_one_that_looks_on_is_not():
+ENABLE, STOP = messages.Trigger(service="enable"), messages.Trigger(service="estop")
+
+
+def test_a_page_with_control_is_obeyed_and_one_that_is_view_only_is_not():
     async def visit(server, http):
         said = []
         for control in (True, False):
             async with opened(http, server, control) as socket:
                 said.append(await hear(socket, "hello"))
-                await socket.send_str('{"do": "trigger", "service": "estop"}')
+                await socket.send_str(ENABLE.model_dump_json())
                 said.append(await hear(socket, "answer" if control else "hint"))
         return said
 
     (control, answer, looking, hint), done = served(visit)
     assert (control, looking) == (True, False) and answer["done"]
-    assert "only looks on" in hint and done == [messages.Trigger(service="estop")]
+    assert hint == "this page is view-only" and done == [ENABLE]
+
+
+def test_an_e_stop_is_refused_to_no_page_and_nothing_else_is_allowed_to_one_that_is_view_only():
+    others = [message.model_dump_json() for message in (ENABLE, messages.LetGo(), messages.TakeOver())]
+    others += ['{"do": "aim", "x": 0.1}', '{"do": "trigger", "service": "disable"}', '{"do": "mark", "text": "estop"}']
+
+    async def visit(server, http):
+        async with opened(http, server, False) as socket:
+            for text in others:
+                await socket.send_str(text)
+            await socket.send_str(STOP.model_dump_json())
+            return await hear(socket, "answer")
+
+    answer, done = served(visit)
+    assert answer["done"] and done == [STOP]
 
 
 BAD = (
@@ -555,13 +573,25 @@ def test_what_the_viewer_itself_sleeps_through_is_no_silence_of_a_page():
 def test_a_hand_that_has_let_go_gives_in_to_the_handle_until_it_has_rested_there():
     hand, now, handle, target = Hand(), 0.0, 0.0, 0.05
     hand.loose, said = True, []
-    while (place := hand.give_in(now := now + 0.016, (handle, 0.0, 0.0), (target, 0.0, 0.0))) is not None:
+    while (place := hand.give_in(now := now + 0.016, (handle, 0.0, 0.0), (target, 0.0, 0.0), LIMITS)) is not None:
         assert place == (handle, 0.0, 0.0), "wherever the handle is, the hand pulls at nothing"
         said.append(now)
         target, handle = handle, max(-0.02, handle - 0.0005)
     assert handle == target == -0.02 and said[-1] > 40 * 0.016
     hand.take((0.0, 0.0, 0.0), now)
     assert not hand.loose
+
+
+def test_a_hand_that_has_let_go_is_held_by_nobody_and_goes_with_the_handle_no_further_than_the_limits():
+    hand, page = Hand(), object()
+    hand.take((0.05, 0.0, 0.0), 0.0)
+    hand.leader = page
+    hand.let_go(1.0)
+    assert hand.goal is None and hand.leader is None and hand.lead(1.0, LIMITS) is None
+    for handle, target in ((0.099, 0.099), (0.101, 0.1)):
+        place = hand.give_in(1.1, (handle, 0.0, 0.0), (0.05, 0.0, 0.0), LIMITS)
+        assert place == (target, 0.0, 0.0)
+    assert hand.give_in(1.1 + 2 * AFTER, (0.2, 0.0, 0.0), (0.1, 0.0, 0.0), LIMITS) is None, "at the limit it rests"
 
 
 @hypothesis_settings(max_examples=30)
@@ -571,6 +601,26 @@ def test_wherever_it_is_dragged_the_hand_stays_in_the_workspace_and_says_so(x):
     hand.take((0.0, 0.0, 0.0), 0.0)
     hint = hand.aim({"x": x}, LIMITS)
     assert -0.1 <= hand.goal[0] <= 0.1 and bool(hint) == (abs(x) > 0.1)
+
+
+def test_a_drag_beyond_the_workspace_and_back_ends_where_it_began():
+    hand = Hand()
+    hand.take((0.05, 0.0, 0.0), 0.0)
+    for x in (0.15, 0.3, 0.15, 0.05):
+        hand.aim({"x": x}, LIMITS)
+    assert hand.goal == (0.05, 0.0, 0.0)
+
+
+def test_a_hand_that_is_slower_than_the_pointer_goes_on_to_its_last_place():
+    hand, now = Hand(), 0.0
+    hand.take((0.0, 0.0, 0.0), now)
+    for x in (0.03, 0.06, 0.09):
+        hand.aim({"x": x}, LIMITS)
+        place = hand.lead(now := now + 0.01, LIMITS)
+    assert place[0] == pytest.approx(0.03), "1 m/s for 30 ms"
+    while (next_place := hand.lead(now := now + 0.01, LIMITS)) is not None:
+        place = next_place
+    assert place[0] == 0.09
 
 
 def test_a_device_without_rotation_says_so_and_the_rest_is_done():

@@ -22,8 +22,8 @@ class Commands:
     """Of a page whose hand is where it should be after `looks` looks; `done` is what was asked for, in order."""
 
     def __init__(self, looks=0, refusal=""):
-        self.done, self.looks, self.refusal = [], looks, refusal
-        self.driving, self.held_off = True, False
+        self.done, self.looks, self.refusal, self.yields = [], looks, refusal, 0
+        self.driving, self.held_off, self.faulty = True, False, False
         self.state = types.SimpleNamespace(axes=3, scene=drawing_of(load("peg_in_hole")))
         self.values = {SIMULATION: {"scene": "peg_in_hole", "method": "auto"}}
 
@@ -33,6 +33,14 @@ class Commands:
         if self.looks < 0:
             self.done.append("arrived")
         return self.looks < 0
+
+    @property
+    def yielded(self):
+        self.yields -= 1
+        return self.yields < 0
+
+    def let_go(self):
+        self.done.append("let go")
 
     def aim(self, place):
         self.done.append(("aim", tuple(place.values())))
@@ -67,8 +75,53 @@ def pose(name):
 def test_a_scene_is_loaded_with_the_motor_off_once_the_device_says_that_the_hand_is_there():
     commands = Commands(looks=30)
     assert asyncio.run(SceneController(commands).load("wrench_on_nut")) == "said"
-    wanted = ["disable", pose("wrench_on_nut"), "arrived", {"scene": "wrench_on_nut"}, LOAD, "enable", "poll"]
+    wanted = ["let go", "disable", pose("wrench_on_nut"), "arrived", {"scene": "wrench_on_nut"}, LOAD, "enable", "poll"]
     assert commands.done == wanted and commands.looks == -1
+
+
+def test_the_motor_goes_off_once_the_hand_that_lets_go_has_given_in():
+    commands, order, seen = Commands(), Commands.order, []
+    commands.yields = 7
+
+    async def watched(service):
+        seen.append((service, commands.yields))
+        await order(commands, service)
+
+    commands.order = watched
+    asyncio.run(SceneController(commands).load("wrench_on_nut"))
+    assert seen[0] == ("disable", -1) and commands.done[:2] == ["let go", "disable"]
+
+
+def test_a_start_from_a_fault_clears_it_with_the_hand_at_the_start_and_the_motor_goes_on():
+    commands = Commands()
+    commands.driving, commands.faulty, commands.held_off = False, True, True
+    assert asyncio.run(SceneController(commands).start_again()) == "said"
+    assert commands.done == ["let go", pose("peg_in_hole"), "arrived", "reset", RESET, "enable", "poll"]
+
+
+@pytest.mark.parametrize("when", ("arrived", "reset"))
+def test_a_stop_while_a_fault_is_being_cleared_leaves_the_motor_off(when):
+    commands = Commands()
+    commands.driving, commands.faulty = False, True
+
+    class Stopped(list):
+        def append(self, done):
+            super().append(done)
+            commands.held_off = commands.held_off or done == when
+
+    commands.done = Stopped()
+    try:
+        asyncio.run(SceneController(commands).start_again())
+    except ValueError as refusal:
+        assert "stopped again" in str(refusal) and when == "arrived"
+    assert "enable" not in commands.done and ("reset" in commands.done) == (when == "reset")
+
+
+def test_the_start_of_another_scene_clears_no_fault():
+    commands = Commands()
+    commands.driving, commands.faulty = False, True
+    asyncio.run(SceneController(commands).load("wrench_on_nut"))
+    assert not {"reset", "enable"} & {one for one in commands.done if isinstance(one, str)}
 
 
 def test_after_a_refusal_hand_and_tool_are_both_at_the_start_of_what_there_was():
@@ -77,14 +130,14 @@ def test_after_a_refusal_hand_and_tool_are_both_at_the_start_of_what_there_was()
         asyncio.run(SceneController(commands).choose_method("closed_form"))
     there = [pose("peg_in_hole"), "arrived"]
     asked = [{"method": "closed_form"}, LOAD, {"method": "auto"}]
-    assert commands.done == ["disable", *there, *asked, *there, RESET, "enable"]
+    assert commands.done == ["let go", "disable", *there, *asked, *there, RESET, "enable"]
 
 
 def test_a_motor_that_a_page_has_switched_off_stays_off():
     commands = Commands()
     commands.driving = False
     asyncio.run(SceneController(commands).start_again())
-    assert commands.done == [pose("peg_in_hole"), "arrived", RESET, "poll"]
+    assert commands.done == ["let go", pose("peg_in_hole"), "arrived", RESET, "poll"]
 
 
 @pytest.fixture

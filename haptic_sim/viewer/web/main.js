@@ -7,6 +7,7 @@ import { driverOf, showHealth } from "./health.js";
 import { layered } from "./layer.js";
 import { Link } from "./link.js";
 import { Panels, shown, stretch } from "./panels.js";
+import { forgetUnsent, forgetWhenEdited } from "./refusals.js";
 import { SceneView } from "./scene.js";
 import { Strip } from "./strips.js";
 import { dress } from "./theme.js";
@@ -32,7 +33,7 @@ const tuning = new Tuning(byId("sliders"), (name, value) => {
 const panels = new Panels(link);
 const fault = new Banner(byId("fault"), () => link.say({ do: "mend" }));
 const tone = new Tone(byId("tone"));
-const hand = new Hand(view, lead);
+const hand = new Hand(view, byId("hold"), lead, () => link.say({ do: "let_go" }));
 const strips = [
   new Strip(byId("strip_force"), [{ label: "motor", colour: "force" }, { label: "felt", colour: "handle", dash: true }], 1),
   new Strip(byId("strip_energy"), [{ label: "to the operator", colour: "handle" }, { label: "to the tool", colour: "tool", dash: true }], 1),
@@ -40,9 +41,11 @@ const strips = [
 ];
 
 layered(byId("layer"));
+forgetWhenEdited();
 dress(byId("theme"), () => [view, ...strips].forEach((part) => part.recolour()));
 turning(byId("turn_left"), hand, 1);
 turning(byId("turn_right"), hand, -1);
+byId("take_over").addEventListener("click", () => link.say({ do: "take_over" }));
 byId("zoom_in").addEventListener("click", () => view.zoom(1.4));
 byId("zoom_out").addEventListener("click", () => view.zoom(1 / 1.4));
 byId("fit").addEventListener("click", () => view.fit());
@@ -53,7 +56,7 @@ for (const button of document.querySelectorAll("[data-service]")) {
   else for (const name of ["pointerdown", "click"]) button.addEventListener(name, act);
 }
 document.addEventListener("keydown", (event) => {
-  if (event.key === "Escape" && control) link.say({ do: "trigger", service: "estop" });
+  if (event.key === "Escape") link.say({ do: "trigger", service: "estop" });
 });
 requestAnimationFrame(draw);
 setInterval(showRates, 1000);
@@ -63,6 +66,7 @@ function take(kind, content) {
   else if (kind === "scene") view.setScene(content);
   else if (kind === "values") showValues(content);
   else if (kind === "status") showStatus(content);
+  else if (kind === "leader") showLeader(content);
   else if (kind === "hint") hint(content);
   else if (kind === "answer") answered(content);
 }
@@ -70,6 +74,7 @@ function take(kind, content) {
 function welcome(news) {
   control = news.control;
   document.body.classList.toggle("looking", !control);
+  if (!control) byId("keys").textContent = "This page is view-only. Esc: e-stop.";
   tuning.build(news.declarations);
   panels.welcome(news);
 }
@@ -89,6 +94,11 @@ function showStatus(news) {
   panels.showRecorder(news);
 }
 
+function showLeader(who) {
+  hand.ledBy(who);
+  byId("leader").hidden = who !== "other" || !control;
+}
+
 function answered(answer) {
   if (panels.answered(answer)) return;
   if (answer.to.do === "mend") fault.answered(answer);
@@ -101,14 +111,15 @@ function connected(open, sentence) {
   document.body.classList.toggle("lost", !open);
   if (banner.textContent !== sentence) banner.textContent = sentence; // else it would be read out again
   banner.hidden = open;
-  if (!open) {
+  if (open) forgetUnsent();
+  else {
     byId("state").textContent = "no viewer";
     byId("state").dataset.level = "bad";
   }
 }
 
 function lead(place) {
-  if (!control) hint("This page only looks on.");
+  if (!control) hint("This page is view-only.");
   else if (place === null) hint("There is no simulated hand to lead: haptic_loopback is not heard of.");
   else link.say({ do: "aim", ...place });
 }

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which page leads the hand: the first to aim, until it lets go or another takes over."""
+
+import time
+
+
+class LeadingPage:
+    """Of a command handler, whose hand, state and scenes it uses. What pages ask for returns a sentence.
+
+    keeper: the session whose silence lets the hand go: the last to lead it, or to have it led to a scene's start."""
+
+    def __init__(self, commands):
+        self._commands, self.keeper = commands, None
+
+    @property
+    def heard(self) -> int:
+        """Messages so far of the keeper."""
+        return self.keeper.heard if self.keeper else 0
+
+    def follow(self, session, place: dict[str, float]) -> str:
+        """The hand goes where a page aims. ValueError if it is not this page's to lead, or not there."""
+        self._refuse_while_changing()
+        hand = self._commands.hand
+        if hand.leader not in (None, session):
+            raise ValueError("another page leads the hand: press Take over")
+        self.keeper = session
+        hint = self._commands.aim(place)
+        hand.leader = session
+        return hint
+
+    def let_go(self, session) -> str:
+        """The hand lets go, if this page leads it."""
+        if self._commands.hand.leader is session:
+            self._commands.let_go()
+        return ""
+
+    def take_over(self, session) -> str:
+        """The hand stays where it is, and is this page's. ValueError if there is none."""
+        self._refuse_while_changing()
+        commands = self._commands
+        if not commands.state.axes:
+            raise ValueError("no simulated hand is heard of: haptic_loopback does not run")
+        commands.hand.take(tuple(commands.state.to_world(commands.state.truth.target)), time.monotonic())
+        self.keeper = commands.hand.leader = session
+        return "this page leads the hand"
+
+    def _refuse_while_changing(self):
+        if self._commands.scenes.changing:
+            raise ValueError("wait: the hand goes to where the scene begins")

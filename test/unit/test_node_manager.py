@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes that are started again for another exchange or network: what they are started with. No node runs."""
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from haptic_sim.supervision.node_manager import HAND, NETWORK, NodeManager
+from haptic_sim.supervision.system import Order
+
+POINT = Path(__file__).parents[1] / "busy.yaml"
+DRIVER, SIMULATION = "haptic_driver", "haptic_simulation"
+
+
+class Nodes:
+    """Keeps the programs that were started since the last end."""
+
+    def __init__(self):
+        self.started = {}
+
+    def start(self, program):
+        self.started[program.name] = program.parameters
+
+    def end_all_but(self, kept):
+        self.started = {}
+
+
+@pytest.fixture
+def manager(tmp_path):
+    manager = NodeManager(Order("peg_in_hole", None, tmp_path, None, None, POINT, given=HAND), Nodes())
+    manager.start()
+    return manager
+
+
+def changed(manager, name, value):
+    asyncio.run(manager.change(name, value))
+    return manager._nodes.started
+
+
+WALLS = {"wall.normals": [0.0, 1.0], "wall.offsets": [-0.05], "wall.stiffness": [300.0], "wall.damping": [0.0]}
+
+
+def test_another_exchange_keeps_scene_method_and_everything_that_was_changed_while_the_nodes_ran(manager):
+    live = {"coupling.stiffness": 700.0, "servo.rate": 1000.0, **WALLS}
+    manager.keep({DRIVER: live, SIMULATION: {"scene": "wrench_on_nut", "method": "partitioned"}})
+    started = changed(manager, "exchange.method", "wave")
+    assert started[DRIVER]["exchange.method"] == started[SIMULATION]["exchange.method"] == "wave"
+    assert started[DRIVER].items() >= {"coupling.stiffness": 700.0, **WALLS}.items()
+    assert Path(started[SIMULATION]["scene"]).stem == "wrench_on_nut"
+    assert started[SIMULATION]["method"] == "partitioned"
+    assert started["haptic_loopback"]["motion.name"] == "follow"
+    assert "servo.rate" not in started[DRIVER], "what is fixed is said by the operating point as before"
+
+
+def test_walls_that_were_taken_away_do_not_come_back(manager):
+    manager.keep({DRIVER: WALLS})
+    manager.keep({DRIVER: dict.fromkeys(WALLS, [])})
+    assert changed(manager, "delay", 5.0)[DRIVER].items() >= dict.fromkeys(WALLS, []).items()
+
+
+def test_what_a_node_that_is_silent_had_is_kept_as_it_was_last_heard(manager):
+    manager.keep({DRIVER: {"coupling.stiffness": 700.0}, SIMULATION: {"scene": "four_bar", "method": "auto"}})
+    manager.keep({})
+    started = changed(manager, "loss", 0.1)
+    assert started[DRIVER]["coupling.stiffness"] == 700.0 and Path(started[SIMULATION]["scene"]).stem == "four_bar"
+
+
+@pytest.mark.parametrize("name", NETWORK)
+def test_a_delay_is_taken_up_to_what_can_be_felt(manager, name):
+    assert manager.offer()[name]["high"] == 200.0
+    changed(manager, name, 200)
+    assert manager.offer()[name]["value"] == pytest.approx(200.0)
+    with pytest.raises(ValueError, match=rf"{name} is 200.1; 0 to 200.0 ms is needed"):
+        changed(manager, name, 200.1)
