@@ -112,9 +112,9 @@ def _error(run: Run) -> str:
 def _energy(run: Run) -> str:
     """Largest energy given to the operator: by the truth, or else by the servo's books."""
     try:
-        return f"{np.max(_known(run.ground_truth.entry('energy_given'))) * 1e3:.3f}"
+        return f"{np.max(_known(run.given)) * 1e3:.3f}"
     except ValueError:
-        return f"{np.max(_known(run.rows['energy_given'].sum(axis=1))) * 1e3:.3f} booked"
+        return f"{np.max(_known(run.booked)) * 1e3:.3f} booked"
 
 
 def _wave(run: Run) -> str:

@@ -124,7 +124,7 @@ def test_the_report_says_how_long_the_world_waited_or_that_it_was_not_said(tmp_p
     told = "time that the world left out"
     bag = write_run(tmp_path / "old", swing(2000))
     assert sections(read_run(bag))["Exchange"][told] == MISSING
-    monkeypatch.setitem(SAID, "waited_s", "0.34")
+    monkeypatch.setitem(SAID, "waited_s", "0.34")  # after a first status that says 0
     assert sections(read_run(write_run(tmp_path / "new", swing(2000))))["Exchange"][told] == "0.34 s"
 
 

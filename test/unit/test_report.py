@@ -30,6 +30,7 @@ from haptic_device.analysis.report import page as pages
 from haptic_device.analysis.report import panel
 from haptic_device.analysis.report.page import FIGURES, write_report
 from haptic_device.analysis.report.reading import read_run
+from haptic_device.analysis.report.summary import contact_figures, energy_figures
 from haptic_device.analysis.report.table import sections
 from haptic_device.control import withheld
 from haptic_device.recording.writer import Bag
@@ -247,12 +248,69 @@ def test_messages_lost_are_those_of_every_topic_and_unknown_where_several_publis
     assert lost == "snapshot 2, local_contacts 1, mark unknown, several publishers"
 
 
+def driver_said(dropped, skipped, time):
+    values = {"trace_dropped": str(dropped), "telemetry_skipped": str(skipped)}
+    return "/diagnostics", DIAGNOSTICS, diagnostics("haptic_driver", values), time + 1, time + 1
+
+
 def test_what_the_driver_could_not_publish_is_told_beside_what_was_lost(tmp_path):
-    told = diagnostics("haptic_driver", {"trace_dropped": "7", "telemetry_skipped": "30"})
-    messages = ("/haptic/trace", CLOUD, cloud(swing(400))), ("/diagnostics", DIAGNOSTICS, told)
+    told = [driver_said(dropped, skipped, time) for time, (dropped, skipped) in enumerate([(3, 5), (8, 20), (10, 35)])]
+    messages = ("/haptic/trace", CLOUD, cloud(swing(400))), *told
     said = sections_of(write_bag(tmp_path / "busy", *messages))[0]["Recording"]
     assert said["messages lost"] == "none" and said["rows that the servo had to drop"] == "7"
     assert said["samples that the driver had to skip"] == "30"
+
+
+def simulation_said(*said):
+    """A trace without contact, or with one from its 200th tick on, and what the simulation said meanwhile."""
+
+    def bag(folder, touched=False):
+        rows = swing(400)
+        rows["tool_contact"][200:] = touched
+        messages = [
+            ("/diagnostics", DIAGNOSTICS, diagnostics("haptic_simulation", {k: str(v) for k, v in one.items()}), i, i)
+            for i, one in enumerate(said, 1)
+        ]
+        return read_run(write_bag(folder, ("/haptic/trace", CLOUD, cloud(rows)), *messages))
+
+    return bag
+
+
+@pytest.mark.parametrize(
+    ("forces", "touched", "told"),
+    [
+        ((0.0, 0.0), False, "0 N"),
+        ((0.0, 3.5, 3.5), True, "3.5 N"),
+        ((8.39, 8.39), False, "0 N"),
+        ((8.39, 8.4), True, "8.4 N"),
+        ((8.39, 8.39), True, "at most 8.39 N, which was before this recording"),
+        ((8.39, 0.0, 9.0), True, "9 N"),
+        ((8.39, 0.0, 2.0), True, "at most 8.39 N, which was before this recording"),
+    ],
+)
+def test_the_strongest_contact_is_that_of_this_recording_and_not_of_before(tmp_path, forces, touched, told):
+    run = simulation_said(*({"max_contact_force": force} for force in forces))(tmp_path / "later", touched)
+    assert sections(run)["Contact"]["strongest contact"] == told
+    value = contact_figures(run.recording, run.rows)["max_force_n"]
+    assert (value is None) == told.startswith("at most")
+
+
+def test_what_the_simulation_counts_is_counted_from_the_first_message_and_a_new_world_counts_from_zero(tmp_path):
+    said = ((10.0, 1.0, -0.5), (10.5, 1.25, -0.25), (0.25, 0.0, 0.125), (1.0, 0.5, -0.125))
+    names = ("sub_steps", "waited_s", "tool_port_energy")
+    run = simulation_said(*(dict(zip(names, one, strict=True)) for one in said))(tmp_path / "later")
+    assert sections(run)["Exchange"]["time that the world left out"] == "0.75 s"
+    assert energy_figures(run.recording, run.rows)["tool_port_end"] == 0.25 + 0.125 - 0.25
+
+
+def test_the_servos_account_of_energy_begins_with_the_recording(tmp_path):
+    rows = swing(4000)
+    rows["energy_given"][:, 0] = 5.0 - np.linspace(0.0, 0.25, 4000)
+    rows["missed"] = 12.0
+    found = sections_of(write_run(tmp_path / "later", rows))[0]
+    assert found["Energy"]["given to the operator, servo's books, end"] == "-250 mJ"
+    assert found["Servo"]["missed ticks"] == "0"
+    assert found["Energy"]["given to the operator, truth, largest"] == "0 mJ"
 
 
 def test_stamps_that_go_back_or_stand_still_are_counted_topic_by_topic_and_those_without_one_are_not(tmp_path):
@@ -324,7 +382,7 @@ def test_without_a_trace_the_other_topics_are_shown_and_the_page_says_what_is_le
     assert found["What ran"]["length"] == "2.000 s, no trace" and found["What ran"]["K"] == "1000 N/m"
     assert found["Energy"]["given to the operator, truth, end"] == "-2e+03 mJ"
     assert found["Contact"]["deepest overlap"] == "30 µm"
-    assert found["Recording"]["messages of each topic"].startswith("handle 2000, tool 2000, operator/state 2000")
+    assert found["Recording"]["messages of each topic"].startswith("handle 2000, tool 2000, operator/state 2000, ")
     assert "tool_port_energy 0.125" in found["Said last on /diagnostics"]["haptic_simulation"]
     text = write_report([run], tmp_path / "report").read_text(encoding="utf-8")
     assert text.count("data:image/png;base64,") == len(FIGURES) and f"<p>untraced: {NO_TRACE}" in text

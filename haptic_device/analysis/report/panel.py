@@ -90,12 +90,10 @@ def contact_events(axes: Axes, run: Run) -> None:
 def energies(axes: Axes, run: Run) -> None:
     """Energy given to the operator by the ground truth and by the servo's account, and through the other ports."""
     if run.traced:
-        booked = run.rows["energy_given"].sum(axis=1) * 1e3
+        booked = run.booked * 1e3
         _line(axes, run.seconds, booked, ORANGE, "to the operator, servo's books", dashes=_BACK)
     try:
-        _line(
-            axes, run.ground_truth_seconds, run.ground_truth.entry("energy_given") * 1e3, BLUE, "to the operator, truth"
-        )
+        _line(axes, run.ground_truth_seconds, run.given * 1e3, BLUE, "to the operator, truth")
     except ValueError:
         if not run.traced:
             raise

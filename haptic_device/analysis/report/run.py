@@ -128,6 +128,18 @@ class Run:
         chosen = slice(first, first + count) if during[first : first + count].all() else during  # a view, if it can be
         return Joints._make((state.names, *(column[chosen] for column in state[1:])))
 
+    @property
+    def given(self) -> Array:
+        """Energy [J] given to the operator by the truth since its first sample here, at each sample of the truth."""
+        given = self.ground_truth.entry("energy_given")
+        return given - given[:1]
+
+    @property
+    def booked(self) -> npt.NDArray[np.floating]:
+        """Energy [J] given to the operator by the servo's account since the first tick here, at each tick."""
+        booked = self.rows["energy_given"]
+        return (booked - booked[0]).sum(axis=1)
+
     @cached_property
     def ground_truth_seconds(self) -> Array:
         """Time of each sample of the ground truth [s] from the first tick."""

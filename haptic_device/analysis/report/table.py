@@ -106,7 +106,7 @@ def _withheld(run: Run) -> Entries:
 
 
 def _energy(run: Run) -> Entries:
-    yield "given to the operator, servo's books, end", _told("{:.3g} mJ", run.rows["energy_given"][-1].sum() * 1e3)
+    yield "given to the operator, servo's books, end", _told("{:.3g} mJ", run.booked[-1] * 1e3)
     yield "to the tool at its port, end", f"{run.tool_energy[-1] * 1e3:.3g} mJ"
     margin = np.fmin.reduce(run.rows["margin"], axis=0)
     yield "least margin x, y, θ", _told("{:.4g} N s/m, {:.4g} N s/m, {:.4g} N m s/rad", *margin)
@@ -114,7 +114,7 @@ def _energy(run: Run) -> Entries:
 
 
 def _truth(run: Run) -> Entries:
-    given = run.ground_truth.entry("energy_given") * 1e3
+    given = run.given * 1e3
     yield "given to the operator, truth, largest", _told("{:.3g} mJ", np.fmax.reduce(given))
     yield "given to the operator, truth, end", _told("{:.3g} mJ", given[-1])
 
@@ -127,14 +127,17 @@ def _contact(run: Run) -> Entries:
 
 
 def _strongest(run: Run) -> Entries:
-    found = summary.contact_figures(run.recording, run.rows if run.traced else None)
-    for name, label, scale, unit in (
-        ("max_force_n", "strongest contact", 1.0, "N"),
-        ("max_on_hand_n", "strongest on the hand", 1.0, "N"),
-        ("max_penetration_m", "deepest overlap", 1e6, "µm"),
-    ):
-        value = found[name]
-        yield label, MISSING if value is None else f"{value * scale:.3g} {unit}"
+    on_hand = summary.contact_figures(run.recording, run.rows if run.traced else None)["max_on_hand_n"]
+    yield "strongest contact", _greatest(run, "max_contact_force", 1.0, "N")
+    yield "strongest on the hand", MISSING if on_hand is None else f"{on_hand:.3g} N"
+    yield "deepest overlap", _greatest(run, "max_penetration", 1e6, "µm")
+
+
+def _greatest(run: Run, name: str, scale: float, unit: str) -> str:
+    value, bound = summary.greatest(run.recording, name)
+    if value is not None:
+        return f"{value * scale:.3g} {unit}"
+    return MISSING if bound is None else f"at most {bound * scale:.3g} {unit}, which was before this recording"
 
 
 def _impedance(run: Run) -> Entries:
