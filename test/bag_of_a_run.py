@@ -53,7 +53,7 @@ def swing(ticks: int) -> np.ndarray:
     rows["tool_effort"] = STIFFNESS * rows["position"][sampled] + DAMPING * rows["velocity"][sampled]
     rows["force_coupling"] = -STIFFNESS * rows["position"] - DAMPING * rows["velocity"]
     rows["force_on_handle"] = rows["motor"] = rows["force_coupling"]
-    rows["engage"] = rows["exchange_fade"] = 1.0
+    rows["engage"] = rows["exchange_fade"] = rows["device_status"] = 1.0  # the device's samples are fresh
     return rows
 
 

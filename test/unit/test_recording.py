@@ -331,17 +331,17 @@ def test_a_motor_that_never_engaged_has_no_figures():
 def test_the_picture_of_a_run_is_of_readable_size_and_shows_all_its_panels(run, tmp_path, monkeypatch):
     from matplotlib.image import imread
 
-    from haptic_device.analysis.report import page
+    from haptic_device.analysis.report import figures
     from haptic_device.analysis.report.run import Run
 
     drawn = []
     with monkeypatch.context() as open_still:
-        open_still.setattr(page.pyplot, "close", drawn.append)
-        page.draw_picture(Run(load(run), "a swing"), tmp_path / "report.png")
+        open_still.setattr(figures.pyplot, "close", drawn.append)
+        figures.draw_picture(Run(load(run), "a swing"), tmp_path / "report.png")
     height, width, _ = imread(tmp_path / "report.png").shape
     assert height > 1000 and width > 800
     said = [text.get_text() for axes in drawn[0].axes for text in axes.texts]
-    page.pyplot.close(drawn[0])
+    figures.pyplot.close(drawn[0])
     assert [text for text in said if "not shown" in text] == []
 
 

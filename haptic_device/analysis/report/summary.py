@@ -11,12 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_device.analysis.quantity import Array
-from haptic_device.control.faults import name_of
+from haptic_device.control.faults import FRESH, name_of
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.recording.bag_contents import Joints, Recording, Records
 from haptic_device.status import number
 from haptic_device.withheld_time import WithheldTime
 
+GOALS = ("insertion_fraction", "arrived")  # measures that say of themselves whether the job was done
+REACHED = 0.95  # of a goal
 _MICRO, _MILLI = 1e6, 1e3
 
 
@@ -125,6 +127,19 @@ def _touched(recording: Recording) -> bool:
     return not np.isfinite(told).all() or bool(np.any(told > 0.0))
 
 
+def results(values: dict[str, str]) -> dict[str, float]:
+    """{measure: fraction} of what the scene measures, in the values of a status of the simulation."""
+    said = {key.removeprefix("result."): number(value) for key, value in values.items() if key.startswith("result.")}
+    return {key: value for key, value in said.items() if not np.isnan(value)}
+
+
+def late_samples(rows: Records) -> int | None:
+    """Ticks whose device sample was of an earlier deadline; None where the trace does not say it."""
+    if "device_status" not in (rows.dtype.names or ()) or not np.isfinite(rows["device_status"]).all():
+        return None
+    return int(np.sum(rows["device_status"].astype(np.int64) & FRESH == 0))
+
+
 def withheld_figures(recording: Recording) -> dict[str, tuple[float, float]] | None:
     """{cause: time [s] in all, longest [s]} of the force that was withheld; None where the trace does not say it."""
     trace = recording.trace
@@ -168,7 +183,7 @@ def gains(recording: Recording) -> dict[str, float]:
 
 def faults(recording: Recording) -> list[str]:
     """Names of the faults that latched, each once, in the order of their codes."""
-    return [name_of(code) for code in np.unique(recording.trace["fault"]) if code]
+    return [name_of(code) for code in np.unique(np.nan_to_num(recording.trace["fault"])) if code]
 
 
 def conditions(recording: Recording) -> dict[str, str]:
