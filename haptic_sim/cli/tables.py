@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text  # what nodes have said may look like markup
 
+from haptic_device.analysis.report.digits import with_error
 from haptic_device.analysis.report.run import Run
 from haptic_device.control.withheld import TABLE
 from haptic_device.status import number
@@ -101,7 +102,7 @@ def _stiffness(run: Run) -> str:
     """Fitted in contact, in the axis that tells most."""
     found = [fitted for (kind, axis), fitted in run.impedances.items() if kind == "contact" and axis != "theta"]
     best = min(found, key=lambda fitted: fitted.stiffness.error / abs(fitted.stiffness.value))
-    return f"{best.stiffness.value:.1f} ± {best.stiffness.error:.1f}"
+    return with_error(best.stiffness.value, best.stiffness.error)
 
 
 def _error(run: Run) -> str:

@@ -112,7 +112,7 @@ def test_a_report_says_when_the_recording_began(bags, page):
 
 def test_a_figure_that_a_run_does_not_tell_is_a_sentence_and_no_empty_box(page):
     [figure] = re.findall(r'<figure id="margin">(.*?)</figure>', page.read_text(encoding="utf-8"))
-    assert "<img" not in figure and "Not shown of calm: the driver did not say its physical damping." in figure
+    assert "<img" not in figure and "Not shown: the driver did not say its physical damping." in figure
     assert not (page.parent / "margin.png").exists()
 
 

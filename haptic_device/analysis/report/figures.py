@@ -178,14 +178,17 @@ TELLING = ("positions", "distances", "angles", "forces", "energies", "lateness")
 
 def draw_figure(figure: Figure | Special, runs: Sequence[Run], picture: Path) -> list[str]:
     """Writes the picture (PNG) of the runs that tell it, if there are any; a sentence about each that does not."""
-    telling, looks, said = [], [], []
+    telling, looks, reasons = [], [], {}
     for run, look in zip(runs, RUNS, strict=False):
         try:
             figure.check(run)
             telling.append(run)
             looks.append(look)
         except _ERRORS as error:
-            said.append(f"Not shown{f' of {run.name}' if len(runs) > 1 else ''}: {error}.")
+            reasons[run.name] = f"{error}."
+    if not telling and len({*reasons.values()}) == 1:
+        return [f"Not shown: {next(iter(reasons.values()))}"]
+    said = [f"Not shown of {name}: {reason}" for name, reason in reasons.items()]
     if telling:
         try:
             _save(figure.draw(telling, looks), picture, DPI)
