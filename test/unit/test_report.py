@@ -36,6 +36,7 @@ from haptic_device.analysis.report.panel import RUNS
 from haptic_device.analysis.report.reading import read_run
 from haptic_device.analysis.report.summary import contact_figures, energy_figures
 from haptic_device.analysis.report.table import sections
+from haptic_device.analysis.report.verdict import WARN, verdict
 from haptic_device.control import withheld
 from haptic_device.recording.writer import Bag
 from haptic_sim.cli.report import report
@@ -269,7 +270,13 @@ def test_a_trace_of_an_older_layout_is_shown_as_far_as_it_goes(tmp_path):
     found, notes = sections_of(write_bag(tmp_path / "older", ("/haptic/trace", CLOUD, cloud_of(older))))
     assert "topic trace has no tool_age, injections, force_walls, margin" in notes
     assert found["Servo"]["rate"] == "4000 Hz"
-    assert "positions" in drawn(read_run(tmp_path / "older"))
+    run = read_run(tmp_path / "older")
+    assert "positions" in drawn(run) and verdict(run).ending == "No fault."
+    untold = np.array(
+        rows[["tick", "deadline", "engage"]].tolist(), [(n, "f8") for n in ("tick", "deadline", "engage")]
+    )
+    run = read_run(write_bag(tmp_path / "bare", ("/haptic/trace", CLOUD, cloud_of(untold))))
+    assert verdict(run) == (WARN, "Not known whether there was a fault.", "")
 
 
 def test_force_that_was_withheld_is_told_with_its_time_and_cause_and_an_older_trace_says_nothing_of_it(tmp_path):

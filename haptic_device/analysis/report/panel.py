@@ -59,7 +59,7 @@ def path(grid: Sequence[Axes], runs: Sequence[Run], looks: Sequence[Look]) -> No
         across, up = run.places(0), run.places(1)
         for what, (time, x) in across.items():
             some = slice(None, None, max(1, len(time) // (10 * POINTS)))
-            look = (BLUE, SOLID) if what == "handle" else (VERMILION, DASHED)
+            look = (BLUE, SOLID) if what == "handle" else (ORANGE, DASHED)
             axes.plot(x[some] * 1e3, up[what][1][some] * 1e3, color=look[0], dashes=look[1], linewidth=1, label=what)
         axes.set_aspect("equal", adjustable="box")
         axes.set_xlabel("x [mm]")

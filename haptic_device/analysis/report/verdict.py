@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What came of a run, in two sentences: how it ended, and what was wrong meanwhile."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -29,23 +29,33 @@ class Verdict(NamedTuple):
 
 def verdict(run: Run) -> Verdict:
     """The verdict on a run, of what its recording tells."""
-    ending, rest = [*_faults(run), *_job(run)], [*_energy(run), *_withheld(run), *_timing(run), *_answers(run)]
+    ending, rest = ([found for part in parts for found in _tried(part, run)] for parts in (_ENDING, _REST))
     levels = {level for level, _ in ending + rest}
     worst = next((level for level in (BAD, WARN) if level in levels), GOOD)
     return Verdict(worst, *(" ".join(f"{sentence}." for _, sentence in part) for part in (ending, rest)))
 
 
+def _tried(part: Callable[[Run], Findings], run: Run) -> list[tuple[str, str]]:
+    """What the part finds; nothing where the recording lacks what it needs, of which the tables say why."""
+    try:
+        return list(part(run))
+    except (ValueError, IndexError, ZeroDivisionError):
+        return []
+
+
 def _faults(run: Run) -> Findings:
     if not run.traced:
         said = [status.values.get("fault", "") for status in run.recording.statuses("haptic_driver")]
-        found, last = sorted({*said} - {""}), said[-1] if said else ""
+        found, last, known = sorted({*said} - {""}), said[-1] if said else "", bool(said)
     else:
-        found, last = summary.faults(run.recording), name_of(int(np.nan_to_num(run.recording.trace["fault"][-1])))
+        codes = run.recording.trace["fault"]
+        found, last = summary.faults(run.recording), name_of(int(np.nan_to_num(codes[-1])))
+        known = bool(np.isfinite(codes).any())
     if last in _CAUSES:
         yield BAD, f"Ended by a fault: {last} ({_CAUSES[last]})"
     elif found:
         yield WARN, f"A fault came and was cleared: {', '.join(found)}"
-    elif run.traced or run.recording.statuses("haptic_driver"):
+    elif known:
         yield GOOD, "No fault"
     else:
         yield WARN, "Not known whether there was a fault"
@@ -101,3 +111,7 @@ def _answers(run: Run) -> Findings:
     found = summary.exchange_figures(run.recording, run.rows)
     if found["sent"] and found["answered"] < (1.0 - LATE) * found["sent"]:
         yield WARN, f"Only {found['answered']} of {found['sent']} handle samples were answered"
+
+
+_ENDING = (_faults, _job)
+_REST = (_energy, _withheld, _timing, _answers)
