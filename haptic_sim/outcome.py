@@ -8,25 +8,26 @@ from statistics import median
 import numpy as np
 
 from haptic_device.analysis.report.summary import (
+    GOALS,
+    REACHED,
     contact_figures,
     energy_figures,
     engaged_rows,
     exchange_figures,
     faults,
     first_command,
+    late_samples,
     residual_figures,
+    results,
     servo_figures,
     waited_time,
     withheld_figures,
 )
-from haptic_device.control.faults import FRESH
 from haptic_device.recording.bag_contents import Recording
 from haptic_device.status import number
 from haptic_sim.exchange.left_out_time import CHEAPER, NOTICED, QUIETER, SHARE, takes
 from haptic_sim.fault_sentence import FAULTS, what_to_do
 
-GOALS = ("insertion_fraction", "arrived")  # measures that say of themselves whether the job was done
-REACHED = 0.95  # of a goal
 ANSWERED = 0.9  # of the handle samples sent, for scenes without a goal of their own
 LATE = 0.01  # share of the samples that may come late without a word
 _NOTHING = ("servo", "exchange", "simulation", "withheld_s", "energy_j", "contact", "report", "startup_s")
@@ -39,7 +40,7 @@ def figures(recording: Recording, started: float, lossy: bool = False) -> dict:
     Raises ValueError if the bag lacks what the figures are read from.
     """
     rows = engaged_rows(recording.trace)
-    servo = servo_figures(rows) | {"late_device": int(np.sum(rows["device_status"].astype(np.int64) & FRESH == 0))}
+    servo = servo_figures(rows) | {"late_device": late_samples(rows)}
     exchange, waited = exchange_figures(recording, rows), waited_time(recording)
     seconds = float(rows["deadline"][-1] - rows["deadline"][0]) * 1e-9
     driver, simulation = (recording.last_values(node) for node in ("haptic_driver", "haptic_simulation"))
@@ -53,7 +54,7 @@ def figures(recording: Recording, started: float, lossy: bool = False) -> dict:
         "energy_j": energy_figures(recording, rows),
         "contact": contact_figures(recording, rows),
         "residual": residual_figures(recording, rows),
-        "result": _result(simulation),
+        "result": results(simulation),
         "result_greatest": _greatest(recording),
         "faults": faults(recording),
         "startup_s": first_command(recording.trace) - started,
@@ -71,7 +72,7 @@ def late(servo: dict, driver: dict[str, str]) -> str:
 
     driver: the last values of its diagnostics.
     """
-    share = servo["late_device"] / max(1, servo["ticks"] or 0)
+    share = (servo["late_device"] or 0) / max(1, servo["ticks"] or 0)
     margin, lateness = number(driver.get("passivity_margin", "")), number(driver.get("lateness_counted_us", ""))
     if not share > LATE:
         return ""
@@ -134,14 +135,9 @@ def _load(recording: Recording) -> float:
     return median(known) if known else math.nan
 
 
-def _result(values: dict[str, str]) -> dict[str, float]:
-    said = {key.removeprefix("result."): number(value) for key, value in values.items() if key.startswith("result.")}
-    return {key: value for key, value in said.items() if not math.isnan(value)}
-
-
 def _greatest(recording: Recording) -> dict[str, float]:
     """The greatest value of each result over the run: of every state that the simulation has shown, and its status."""
-    found = [_result(status.values) for status in recording.statuses("haptic_simulation")]
+    found = [results(status.values) for status in recording.statuses("haptic_simulation")]
     if state := recording.joints.get("scene/state"):
         shown = {name.removeprefix("result."): name for name in state.names if name.startswith("result.")}
         values = {short: state.entry(name) for short, name in shown.items()}

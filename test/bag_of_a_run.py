@@ -53,7 +53,7 @@ def swing(ticks: int) -> np.ndarray:
     rows["tool_effort"] = STIFFNESS * rows["position"][sampled] + DAMPING * rows["velocity"][sampled]
     rows["force_coupling"] = -STIFFNESS * rows["position"] - DAMPING * rows["velocity"]
     rows["force_on_handle"] = rows["motor"] = rows["force_coupling"]
-    rows["engage"] = rows["exchange_fade"] = 1.0
+    rows["engage"] = rows["exchange_fade"] = rows["device_status"] = 1.0  # the device's samples are fresh
     return rows
 
 
@@ -91,7 +91,7 @@ def diagnostics(name: str, values: dict[str, str]) -> bytes:
 
 
 def write_run(folder: Path, rows: np.ndarray, block: int = 80, namespace: str = "/haptic") -> Path:
-    """The rows as a bag with trace, handle, tool, operator/state and diagnostics; closed."""
+    """The rows as a bag with trace, handle, tool, operator/state and diagnostics: zeros, then SAID; closed."""
     bag = Bag(folder)
     names = {"trace": CLOUD, "handle": JOINTS, "tool": JOINTS, "operator/state": JOINTS}
     channel = {name: bag.add_topic(f"{namespace}/{name}", kind, []) for name, kind in names.items()}
@@ -104,7 +104,9 @@ def write_run(folder: Path, rows: np.ndarray, block: int = 80, namespace: str = 
             bag.flush()
     for row in rows[::TICKS_PER_EXCHANGE]:
         _write_exchange(bag, channel, row)
-    bag.write(channel["diagnostics"], diagnostics("haptic_simulation", SAID), now, now, 1)
+    begin = int(rows["deadline"][0]) + BOOT_TO_EPOCH + 200_000
+    bag.write(channel["diagnostics"], diagnostics("haptic_simulation", dict.fromkeys(SAID, "0")), begin, begin, 1)
+    bag.write(channel["diagnostics"], diagnostics("haptic_simulation", SAID), now, now, 2)
     bag.close({"namespace": namespace})
     return folder
 

@@ -8,6 +8,7 @@ Clocks: `deadline` in the trace is CLOCK_MONOTONIC [ns]; stamps, received and pu
 import importlib
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +17,7 @@ import numpy.typing as npt
 
 from haptic_device.recording.reader import StampOrder
 from haptic_device.sequence_gaps import SequenceGaps
-from haptic_device.status import Status
+from haptic_device.status import Status, number
 
 Array = npt.NDArray[np.float64]
 Nanoseconds = npt.NDArray[np.int64]
@@ -145,13 +146,14 @@ class Recording:
 
     @property
     def left_out(self) -> dict[str, int]:
-        """What the driver could not publish since its activation, by its last diagnostics: rows of the trace that found
+        """What the driver could not publish from its first status in the bag to its last: rows of the trace that found
         its ring full, and samples (encoder with motor, or wrench with pose and joint_states) that were skipped.
 
         `lost` knows nothing of these: they never were messages. Empty if the driver did not say.
         """
-        said, names = self.last_values("haptic_driver"), {"trace rows": "trace_dropped", "samples": "telemetry_skipped"}
-        return {what: int(said[name]) for what, name in names.items() if said.get(name, "").isdecimal()}
+        names = {"trace rows": "trace_dropped", "samples": "telemetry_skipped"}
+        grown = {what: self.grown("haptic_driver", name) for what, name in names.items()}
+        return {what: int(count) for what, count in grown.items() if count is not None}
 
     def statuses(self, node: str) -> tuple[Status, ...]:
         """What the named node said on /diagnostics, oldest first; empty if it never spoke."""
@@ -162,6 +164,19 @@ class Recording:
         """The entries of the node's last diagnostic status; empty if it never spoke."""
         statuses = self.statuses(node)
         return statuses[-1].values if statuses else {}
+
+    def grown(self, node: str, name: str, counter: str = "") -> float | None:
+        """By how much a value that the node counts since its start grew from its first status in the bag to its last.
+
+        counter: another value of the same status that only rises, where this one may fall. Where it falls all the
+        same, the node began anew, at zero. None where fewer than two statuses say it.
+        """
+        values = [status.values for status in self.statuses(node)]
+        said = [(number(one.get(name, "")), number(one.get(counter or name, ""))) for one in values]
+        known = [(value, count) for value, count in said if np.isfinite(value)]
+        if len(known) < 2:
+            return None
+        return sum(value - (0.0 if count < before else start) for (start, before), (value, count) in pairwise(known))
 
     def monotonic(self, time: Nanoseconds) -> Nanoseconds:
         """System-clock times [ns] as CLOCK_MONOTONIC [ns], the one clock that deadlines and all nodes' data share.

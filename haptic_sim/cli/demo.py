@@ -206,7 +206,7 @@ def _follow(seconds, domain, nodes):
 
 
 def _evaluate(order: Order, started: float) -> dict:
-    from haptic_device.analysis.report.page import draw_picture
+    from haptic_device.analysis.report.figures import draw_picture
     from haptic_device.analysis.report.run import Run
     from haptic_device.recording import load
     from haptic_sim.outcome import figures

@@ -11,7 +11,7 @@ from haptic_device.os_errors import in_words
 
 
 def report(
-    bags: Annotated[list[Path], typer.Argument(help="Bag folders or .mcap files, shown side by side.")],
+    bags: Annotated[list[Path], typer.Argument(help="Bag folders or .mcap files; several are shown over each other.")],
     out: Annotated[Path | None, typer.Option(help="Folder for page and figures [haptic_reports/TIME].")] = None,
     namespace: Annotated[str | None, typer.Option(help="Where a bag holds several devices.")] = None,
 ) -> None:

@@ -85,9 +85,9 @@ def _error(run: Run) -> str:
 def _energy(run: Run) -> str:
     """Largest energy given to the operator: by the truth, or else as the servo counts it."""
     try:
-        return figure(float(np.max(_known(run.ground_truth.entry("energy_given")))) * 1e3)
+        return figure(float(np.max(_known(run.given))) * 1e3)
     except ValueError:
-        return f"{figure(float(np.max(_known(run.rows['energy_given'].sum(axis=1)))) * 1e3)} by the servo"
+        return f"{figure(float(np.max(_known(run.booked))) * 1e3)} by the servo"
 
 
 def _wave(run: Run) -> str:

@@ -54,6 +54,7 @@ class LockstepBag:
         start = tick_replay.snapshot_of(-1, system.settings[0], system.memory[0])
         self._write("snapshot", CloudLayout(start.dtype, FRAME).pack(EPOCH, start), EPOCH)
         self._write("handle", self._handle(), EPOCH)
+        self._write("diagnostics", self._status("haptic_simulation", self._simulation()), EPOCH)
 
     def add(self, rows: np.ndarray) -> None:
         """The next rows, and the plant as they have left it. Raises OSError once the disk is full."""

@@ -141,9 +141,8 @@ def test_a_node_that_somebody_killed_is_told_with_the_signal_and_its_last_error_
 
 def test_a_node_that_stands_still_is_killed_and_started_again_and_the_others_go_on(tmp_path, program, monkeypatch):
     stopped, other = program("stopped_node", _PATIENT), program("other_node", _PATIENT)
-    orders = []
-    monkeypatch.setattr(node_manager, "programs_of", lambda order: orders.append(order) or [stopped, other])
-    order = Order("wall", None, tmp_path, None, None, tmp_path, given={"stopped_node": {"a": 1, "b": 2}})
+    monkeypatch.setattr(node_manager, "programs_of", lambda order: [stopped, other])
+    order = Order("wall", None, tmp_path, None, None, tmp_path)
     with Nodes(tmp_path / "log") as nodes:
         manager = NodeManager(order, nodes)
         manager.start()
@@ -151,10 +150,9 @@ def test_a_node_that_stands_still_is_killed_and_started_again_and_the_others_go_
         for name in before:
             wait_for_line(nodes, name, "ready")
         os.kill(before["stopped_node"], signal.SIGSTOP)
-        asyncio.run(manager.start_again(["stopped_node"], {"stopped_node": {"b": 3}, "third_node": {"c": 4}}))
+        asyncio.run(manager.start_again(["stopped_node"]))
         assert not psutil.pid_exists(before["stopped_node"]) and not manager.changing and manager.ended() == {}
         assert nodes.pid("other_node") == before["other_node"] != nodes.pid("stopped_node")
-    assert orders[-1].given == {"stopped_node": {"a": 1, "b": 3}, "third_node": {"c": 4}}
 
 
 def test_a_deaf_node_is_killed_and_that_is_said(tmp_path, program, monkeypatch, capsys):

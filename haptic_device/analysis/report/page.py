@@ -1,85 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The report of one or more runs side by side: one HTML file that needs nothing else, and its figures as PNG files.
+"""The report of one or more runs: one HTML file that needs nothing else, and its figures as PNG files.
 
-Of one run also a single picture of the figures that tell most.
+On top the verdict, then the figures, then all numbers in tables to be opened.
 """
 
 import base64
 import html
-import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
-import matplotlib
-from matplotlib.axes import Axes
-
-from haptic_device.analysis.report import panel
+from haptic_device.analysis.report.figures import FIGURES, Figure, Special, draw_figure
+from haptic_device.analysis.report.panel import RUNS
 from haptic_device.analysis.report.run import Run
+from haptic_device.analysis.report.style import STYLE
 from haptic_device.analysis.report.table import MISSING, sections
+from haptic_device.analysis.report.verdict import BAD, GOOD, WARN, verdict
 from haptic_device.os_errors import naming
 
-matplotlib.use("Agg")
-from matplotlib import pyplot  # noqa: E402  (the backend is chosen first)
-
-MOST = 6  # runs side by side
-DPI = 130
-_STYLE = """
-body { font: 15px/1.4 sans-serif; color: #111; background: #fff; max-width: 1200px; margin: 1.5em auto;
-padding: 0 1em }
-h1 { font-size: 1.5em } h2 { font-size: 1.15em; margin-top: 1.6em; border-bottom: 1px solid #999 }
-table { border-collapse: collapse; width: 100%; table-layout: fixed }
-td, th { text-align: left; vertical-align: top; padding: .15em .6em .15em 0; border-bottom: 1px solid #ddd }
-td { overflow-wrap: anywhere } th { font-weight: normal; color: #444; width: 22% }
-img { max-width: 100% } figure { margin: 0 0 1.2em; break-inside: avoid } figcaption { color: #444 }
-.notes { border: 2px solid #D55E00; padding: .3em 1em }
-@media print { body { font-size: 10pt; max-width: none; margin: 0 } h2 { break-after: avoid } }
-"""
-
-
-class Figure(NamedTuple):
-    """One figure: its file's name, its caption, what it draws, its height [inch], panels for each run."""
-
-    name: str
-    caption: str
-    draw: Callable[..., None]
-    height: float = 3.0
-    wide: int = 1
-
-
-FIGURES = (
-    Figure("positions", "Where handle and tool went.", panel.positions),
-    Figure("distances", "How far the tool was from the handle: what the coupling was stretched.", panel.distances, 2.2),
-    Figure("angles", "Angle of handle and tool.", panel.angles, 2.2),
-    Figure("path", "The same in the plane, to scale.", panel.path, 4.0),
-    Figure("forces", "Force on the handle; the coupling's part of it dashed. Grey: in contact.", panel.forces),
-    Figure("contacts", "Contacts: from when to when, and the strongest on the hand.", panel.contact_events, 1.8),
-    Figure("energies", "Energy through each port; what operator or tool is given is positive.", panel.energies),
-    Figure("margin", "Passivity margin over time.", panel.margins, 2.2),
-    Figure("lateness", "How late the servo woke, and how long it worked.", panel.lateness, 2.5),
-    Figure("age", "Age of the tool sample in use.", panel.ages, 2.2),
-    Figure("spectrum", "Spectrum of the force on the handle; an oscillation is named.", panel.spectrum),
-    Figure(
-        "impedance", "Stiffness and damping that the display added, 95 % sure; dotted: set.", panel.impedance, 2.2, 2
-    ),
-)
-
-TELLING = ("positions", "angles", "forces", "energies", "lateness")  # of the single picture
-
-
-def draw_picture(run: Run, picture: Path) -> None:
-    """Writes the picture (PNG), headed by the run's name and by gains, period, damping and exchange method."""
-    figures = [figure for figure in FIGURES if figure.name in TELLING]
-    heights = [figure.height for figure in figures]
-    shown, grid = pyplot.subplots(len(figures), 1, figsize=(9, 14), layout="constrained", height_ratios=heights)
-    try:
-        shown.suptitle(_heading(run, 110), fontsize=10)
-        for figure, axes in zip(figures, grid, strict=True):
-            _try(figure, [axes], run)
-        with naming(picture):
-            shown.savefig(picture, dpi=110)
-    finally:
-        pyplot.close(shown)
+MOST = len(RUNS)  # runs side by side
+_WORDS = {GOOD: "Good.", WARN: "Look at this.", BAD: "Not good."}
 
 
 def write_report(runs: list[Run], folder: Path, left_out: Sequence[str] = ()) -> Path:
@@ -90,75 +29,109 @@ def write_report(runs: list[Run], folder: Path, left_out: Sequence[str] = ()) ->
     if len(runs) > MOST:
         raise ValueError(f"{len(runs)} bags are given; at most {MOST} stand side by side")
     folder.mkdir(parents=True, exist_ok=True)
-    parts = [_head(runs, left_out), _table(runs), "<h2>Figures</h2>"]
-    for figure in FIGURES:
-        picture = folder / f"{figure.name}.png"
-        _draw(figure, runs, picture)
-        parts.append(_figure(figure, picture))
+    figures = [_figure(figure, runs, folder / f"{figure.name}.png") for figure in FIGURES]
+    parts = [_head(runs), _notes(runs, left_out), _contents(), "</header><main>", *figures]
+    parts += ['<h2 id="tables">All numbers</h2>', _tables(runs), "</main></body></html>\n"]
     page = folder / "report.html"
     with naming(page):
-        page.write_text("\n".join([*parts, "</body></html>\n"]), encoding="utf-8")
+        page.write_text("\n".join(parts), encoding="utf-8")
     return page
 
 
-def _draw(figure: Figure, runs: list[Run], picture: Path) -> None:
-    width = 9.0 if len(runs) == 1 else 5.2 * len(runs)
-    shown, grid = pyplot.subplots(
-        1, len(runs) * figure.wide, figsize=(width, figure.height + 0.5), layout="constrained", squeeze=False
-    )
-    try:
-        for number, run in enumerate(runs):
-            part = list(grid[0, number * figure.wide : (number + 1) * figure.wide])
-            part[0].set_title(_heading(run, 72), fontsize=8, loc="left")
-            _try(figure, part, run)
-        with naming(picture):
-            shown.savefig(picture, dpi=DPI)
-    finally:
-        pyplot.close(shown)
+def _head(runs: list[Run]) -> str:
+    names = ", ".join(run.name for run in runs)
+    style = f"<style>{STYLE}</style>"
+    view = '<meta name="viewport" content="width=device-width, initial-scale=1">'
+    title = f"<title>{_text(names)}</title>"
+    head = f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">{view}{title}{style}</head>'
+    told = [_what_ran(run) for run in runs]
+    same = [entry for entry in told[0] if len(runs) > 1 and all(entry in others for others in told)]
+    verdicts = [
+        _verdict(run, number, [entry for entry in told[number] if entry not in same], len(runs) > 1)
+        for number, run in enumerate(runs)
+    ]
+    alike = [f'<p class="quiet">All: {_entries(same)}</p>'] if same else []
+    return "\n".join([f"{head}<body><header><h1>Report: {_text(names)}</h1>", *verdicts, *alike])
 
 
-def _heading(run: Run, width: int) -> str:
-    """Name and conditions, in lines of so many letters."""
-    labels = ", ".join(f"{name} = {value}".replace(" ", "\u00a0") for name, value in run.conditions.items())
-    return "\n".join([run.name, *textwrap.wrap(labels, width)])
+def _verdict(run: Run, number: int, ran: list[str], several: bool) -> str:
+    """The box of one run: its key in the figures where there are several, how it ended, what ran."""
+    found = verdict(run)
+    key = f"{_swatch(number)} <b>{_text(run.name)}</b>: " if several else ""
+    said = f"<p>{key}<strong>{_WORDS[found.level]}</strong> {_text(found.ending)} {_text(found.rest)}</p>"
+    return f'<section class="verdict {found.level}">{said}<p class="quiet">{_entries(ran)}</p></section>'
 
 
-def _try(figure: Figure, part: Sequence[Axes], run: Run) -> None:
-    try:
-        figure.draw(part if figure.wide > 1 else part[0], run)
-    except (ValueError, IndexError, FloatingPointError) as error:
-        part[0].text(0.5, 0.5, f"not shown: {error}", ha="center", va="center", wrap=True, transform=part[0].transAxes)
-        for axes in part:
-            axes.set_axis_off()
+def _entries(entries: list[str]) -> str:
+    """In one line, which breaks between them."""
+    return " · ".join(f"<span>{_text(entry)}</span>" for entry in entries)
 
 
-def _head(runs: list[Run], left_out: Sequence[str]) -> str:
-    names = ", ".join(html.escape(run.name) for run in runs)
+def _what_ran(run: Run) -> list[str]:
+    """Date, length, scene, methods and conditions, an entry each."""
+    begun = f"{run.begun:%-d %B %Y, %H:%M %Z}" if run.begun else "replayed in lock-step"
+    parts = [begun, f"{run.length:.1f} s", f"scene {run.scene or 'not recorded'}"]
+    if method := run.recording.last_values("haptic_simulation").get("method"):
+        parts.append(f"method {method}")
+    return parts + [f"{name} {value}" for name, value in run.conditions.items()]
+
+
+def _swatch(number: int) -> str:
+    look = RUNS[number]
+    dashes = " ".join(map(str, look.dashes)) or "none"
+    line = f'<line x1="2" y1="7" x2="42" y2="7" stroke="{look.colour}" stroke-width="3" stroke-dasharray="{dashes}"/>'
+    return f'<svg width="44" height="14" aria-hidden="true">{line}</svg>'
+
+
+def _notes(runs: list[Run], left_out: Sequence[str]) -> str:
     said = [*left_out, *(f"{run.name}: {note}" for run in runs for note in run.notes)]
-    notes = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in said)
-    warning = f'<div class="notes">{notes}</div>' if notes else ""
-    head = f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>{names}</title>'
-    return f"{head}<style>{_STYLE}</style></head><body><h1>Haptic display: {names}</h1>{warning}"
+    notes = "".join(f"<p>{_text(sentence)}</p>" for sentence in said)
+    return f'<div class="notes">{notes}</div>' if notes else ""
 
 
-def _table(runs: list[Run]) -> str:
+def _contents() -> str:
+    places: Iterable[tuple[str, str]] = [(figure.name, figure.title) for figure in FIGURES] + [("tables", "Numbers")]
+    links = "".join(f'<li><a href="#{name}">{_text(title)}</a></li>' for name, title in places)
+    return f'<nav aria-label="Contents"><ul>{links}</ul></nav>'
+
+
+def _figure(figure: Figure | Special, runs: list[Run], picture: Path) -> str:
+    picture.unlink(missing_ok=True)
+    said = draw_figure(figure, runs, picture)
+    image = ""
+    if picture.exists():
+        data = base64.b64encode(picture.read_bytes()).decode()
+        image = f'<img alt="{_text(figure.title)}: {_text(figure.caption)}" src="data:image/png;base64,{data}">'
+    caption = " ".join([figure.caption, *(["Grey: in contact."] if _shaded(figure, runs) else [])])
+    reasons = "".join(f"<p>{_text(sentence)}</p>" for sentence in said)
+    return (
+        f'<figure id="{figure.name}"><h2>{_text(figure.title)}</h2><figcaption>{_text(caption)}</figcaption>'
+        f"{image}{reasons}</figure>"
+    )
+
+
+def _shaded(figure: Figure | Special, runs: list[Run]) -> bool:
+    return isinstance(figure, Figure) and figure.over_time and len(runs) == 1
+
+
+def _tables(runs: list[Run]) -> str:
     columns = [sections(run) for run in runs]
+    names = "".join(f'<th scope="col">{_text(run.name)}</th>' for run in runs)
+    head = f"<thead><tr><td></td>{names}</tr></thead>" if len(runs) > 1 else ""
     parts = []
     for title in columns[0]:
-        names = list(dict.fromkeys(name for column in columns for name in column[title]))
-        rows = "".join(_row(name, [column[title].get(name, MISSING) for column in columns]) for name in names)
+        lines = list(dict.fromkeys(name for column in columns for name in column[title]))
+        rows = "".join(_row(name, [column[title].get(name, MISSING) for column in columns]) for name in lines)
         if rows:
-            parts.append(f"<h2>{html.escape(title)}</h2><table>{rows}</table>")
+            table = f"<table>{head}<tbody>{rows}</tbody></table>"
+            parts.append(f"<details><summary><h3>{_text(title)}</h3></summary>{table}</details>")
     return "\n".join(parts)
 
 
 def _row(name: str, values: list[str]) -> str:
-    cells = "".join(f"<td>{html.escape(value)}</td>" for value in values)
-    return f"<tr><th>{html.escape(name)}</th>{cells}</tr>"
+    cells = "".join(f"<td>{_text(value)}</td>" for value in values)
+    return f'<tr><th scope="row">{_text(name)}</th>{cells}</tr>'
 
 
-def _figure(figure: Figure, picture: Path) -> str:
-    data = base64.b64encode(picture.read_bytes()).decode()
-    caption = html.escape(figure.caption)
-    image = f'<img alt="{caption}" src="data:image/png;base64,{data}">'
-    return f"<figure>{image}<figcaption>{caption}</figcaption></figure>"
+def _text(words: str) -> str:
+    return html.escape(words)

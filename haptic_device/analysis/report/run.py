@@ -2,7 +2,9 @@
 """One recorded run as a report needs it: the columns that it shows, whatever of them is there, and what was not."""
 
 from dataclasses import dataclass, field
+from datetime import datetime
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -81,6 +83,22 @@ class Run:
         """From the first to the last tick, or message without a trace [s]."""
         return float(self.seconds[-1]) if self.traced else (self.span[1] - self.span[0]) * 1e-9
 
+    @property
+    def begun(self) -> datetime | None:
+        """When the recording began, in this machine's time zone; None in lock-step, which knows no date."""
+        if self.recording.last_values("haptic_driver").get("realtime") == "lock-step":
+            return None
+        system = self.recording.pairs[0]
+        first = int(system[0]) if len(system) else self.span[0]
+        return datetime.fromtimestamp(first * 1e-9).astimezone()
+
+    @cached_property
+    def scene(self) -> str:
+        """Name of the scene, or "" where it was not recorded."""
+        said = self.recording.last_values("haptic_simulation").get("scene", "")
+        attached = [name for name in self.recording.attachments if name.startswith("scene/")]
+        return Path(said or (attached[0] if attached else "")).stem
+
     def since(self, time: Nanoseconds) -> Array:
         """Times of the system clock [ns] as times from the first tick, or message without a trace [s]."""
         if not self.traced:
@@ -127,6 +145,18 @@ class Run:
         first, count = int(np.argmax(during)), int(during.sum())
         chosen = slice(first, first + count) if during[first : first + count].all() else during  # a view, if it can be
         return Joints._make((state.names, *(column[chosen] for column in state[1:])))
+
+    @property
+    def given(self) -> Array:
+        """Energy [J] given to the operator by the truth since its first sample here, at each sample of the truth."""
+        given = self.ground_truth.entry("energy_given")
+        return given - given[:1]
+
+    @property
+    def booked(self) -> npt.NDArray[np.floating]:
+        """Energy [J] given to the operator by the servo's account since the first tick here, at each tick."""
+        booked = self.rows["energy_given"]
+        return (booked - booked[0]).sum(axis=1)
 
     @cached_property
     def ground_truth_seconds(self) -> Array:

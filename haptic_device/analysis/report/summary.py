@@ -11,12 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_device.analysis.quantity import Array
-from haptic_device.control.faults import name_of
+from haptic_device.control.faults import FRESH, name_of
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.recording.bag_contents import Joints, Recording, Records
 from haptic_device.status import number
 from haptic_device.withheld_time import WithheldTime
 
+GOALS = ("insertion_fraction", "arrived")  # measures that say of themselves whether the job was done
+REACHED = 0.95  # of a goal
 _MICRO, _MILLI = 1e6, 1e3
 
 
@@ -68,38 +70,74 @@ def exchange_figures(recording: Recording, rows: Records) -> dict[str, Any]:
 
 
 def energy_figures(recording: Recording, rows: Records) -> dict[str, Any]:
-    """Energy given to the operator [J] by a simulated device's truth, and supplied to the tool by the end."""
+    """Energy given to the operator [J] by a simulated device's truth, and supplied to the tool by the end.
+
+    Each counts from the first message of the recording.
+    """
     state = recording.joints.get("operator/state")  # of a simulated device only
     given = [] if state is None else state.entry("energy_given")[state.entry("time") * 1e9 <= rows["deadline"][-1]]
-    supplied = number(recording.last_values("haptic_simulation").get("tool_port_energy", ""))
     return {
-        "given_to_operator_max": float(np.max(given)) if len(given) else None,
-        "given_to_operator_end": float(given[-1]) if len(given) else None,
-        "tool_port_end": None if np.isnan(supplied) else supplied,
+        "given_to_operator_max": float(np.max(given) - given[0]) if len(given) else None,
+        "given_to_operator_end": float(given[-1] - given[0]) if len(given) else None,
+        "tool_port_end": recording.grown("haptic_simulation", "tool_port_energy", "sub_steps"),
     }
 
 
 def waited_time(recording: Recording) -> float | None:
-    """Time [s] between handle samples that the world left out; None where the simulation has not said it.
-
-    A world counts from its start: what the one before a reset or another scene had left out is added.
-    """
-    said = [number(status.values.get("waited_s", "")) for status in recording.statuses("haptic_simulation")]
-    known = [0.0, *(value for value in said if not np.isnan(value))]
-    grown = [after - before if after >= before else after for before, after in pairwise(known)]
-    return float(sum(grown)) if grown else None
+    """Time [s] between handle samples that the world left out; None where the simulation has not said it twice."""
+    return recording.grown("haptic_simulation", "waited_s")
 
 
 def contact_figures(recording: Recording, rows: Records | None) -> dict[str, float | None]:
     """The simulation's strongest contact [N] and deepest overlap [m], and the strongest force on the hand in x, y [N].
 
-    None where the simulation has not said it, or without rows.
+    None where the recording does not tell it, or without rows.
     """
-    said = recording.last_values("haptic_simulation")
-    told = {key: number(said.get(key, "")) for key in ("max_contact_force", "max_penetration")}
     force = np.nan if rows is None else float(np.fmax.reduce(np.hypot(*rows["force_on_handle"][:, :2].T)))
-    found = {"max_force_n": told["max_contact_force"], "max_penetration_m": told["max_penetration"]}
-    return {name: None if np.isnan(value) else value for name, value in (found | {"max_on_hand_n": force}).items()}
+    return {
+        "max_force_n": greatest(recording, "max_contact_force")[0],
+        "max_penetration_m": greatest(recording, "max_penetration")[0],
+        "max_on_hand_n": None if np.isnan(force) else force,
+    }
+
+
+def greatest(recording: Recording, name: str) -> tuple[float | None, float | None]:
+    """(value, bound) of a figure of which the simulation keeps the greatest since its world's start.
+
+    The value is None where an earlier one, the bound, hides what this recording came to; both, where nobody said it.
+    """
+    said = [number(status.values.get(name, "")) for status in recording.statuses("haptic_simulation")]
+    known = [value for value in said if np.isfinite(value)]
+    if not known:
+        return None, None
+    found = max((after for before, after in pairwise(known) if after != before), default=0.0)
+    hidden = found < known[0] and _touched(recording)
+    return (None, known[0]) if hidden else (found, found)
+
+
+def _touched(recording: Recording) -> bool:
+    """Whether the tool may have touched something: the recording says so, or nothing of it."""
+    tool = recording.joints.get("tool")
+    if "trace" in recording.clouds and "tool_contact" in (recording.trace.dtype.names or ()):
+        told = recording.trace["tool_contact"]
+    elif tool is not None and "contact" in tool.names:
+        told = tool.entry("contact")
+    else:
+        return True
+    return not np.isfinite(told).all() or bool(np.any(told > 0.0))
+
+
+def results(values: dict[str, str]) -> dict[str, float]:
+    """{measure: fraction} of what the scene measures, in the values of a status of the simulation."""
+    said = {key.removeprefix("result."): number(value) for key, value in values.items() if key.startswith("result.")}
+    return {key: value for key, value in said.items() if not np.isnan(value)}
+
+
+def late_samples(rows: Records) -> int | None:
+    """Ticks whose device sample was of an earlier deadline; None where the trace does not say it."""
+    if "device_status" not in (rows.dtype.names or ()) or not np.isfinite(rows["device_status"]).all():
+        return None
+    return int(np.sum(rows["device_status"].astype(np.int64) & FRESH == 0))
 
 
 def withheld_figures(recording: Recording) -> dict[str, tuple[float, float]] | None:
@@ -145,7 +183,7 @@ def gains(recording: Recording) -> dict[str, float]:
 
 def faults(recording: Recording) -> list[str]:
     """Names of the faults that latched, each once, in the order of their codes."""
-    return [name_of(code) for code in np.unique(recording.trace["fault"]) if code]
+    return [name_of(code) for code in np.unique(np.nan_to_num(recording.trace["fault"])) if code]
 
 
 def conditions(recording: Recording) -> dict[str, str]:

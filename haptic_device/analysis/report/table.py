@@ -7,22 +7,22 @@ from typing import Any
 import numpy as np
 
 from haptic_device.analysis.impedance import Estimate
-from haptic_device.analysis.report import summary
+from haptic_device.analysis.report import digits, summary
 from haptic_device.analysis.report.run import Run
+from haptic_device.control.faults import name_of
 from haptic_device.control.withheld import TABLE
 from haptic_device.sequence_gaps import UNKNOWN
 from haptic_device.withheld_time import LASTS
 
 Entries = Iterator[tuple[str, str]]
 """(name, text) of a section's lines."""
-MISSING = "—"
+MISSING = digits.UNKNOWN
 VERSIONS = ("haptic_display", "numba", "numpy", "ros-rclpy")  # of what was attached, those that a reader looks for
 READ = (
     "± is 95 % of this law's own fit, by the recording alone. In contact K and B are the coupling's or the wall's as "
     "the hand meets them: delay takes about K times the tool's age from B. In free space they are what is left, zero "
     "at best. Mass is the least certain: the display's own noise, where it shakes the handle, makes it too small."
 )
-MACHINE = ("processor", "cores", "system")
 
 
 def sections(run: Run) -> dict[str, dict[str, str]]:
@@ -36,7 +36,7 @@ def sections(run: Run) -> dict[str, dict[str, str]]:
         "Contact": [_contact, _strongest],
         "Impedance added by the display": [_impedance],
         "Oscillation of the force": [_oscillation],
-        "Said last on /diagnostics": [_said],
+        "Said last on /diagnostics, counted since each node's start": [_said],
         "Recording": [_recording],
         "Trial and markers": [_trial],
     }
@@ -53,6 +53,7 @@ def _tried(part: Callable[[Run], Entries], run: Run) -> Entries:
 
 def _what_ran(run: Run) -> Entries:
     yield "recording", run.name
+    yield "begun", f"{run.begun:%-d %B %Y, %H:%M:%S %Z}" if run.begun else "in lock-step, without a date"
     yield "length", f"{run.length:.3f} s, " + (f"{len(run.rows)} ticks" if run.traced else "no trace")
     yield from run.conditions.items()
     for kind in ("scene", "device"):
@@ -62,9 +63,18 @@ def _what_ran(run: Run) -> Entries:
     yield "git revision", str(made.get("program", {}).get("git_revision") or MISSING)
     packages, machine = made.get("packages", {}), made.get("machine", {})
     yield "versions", ", ".join(f"{name} {packages[name]}" for name in VERSIONS if packages.get(name)) or MISSING
-    yield "machine", ", ".join(str(machine[name]) for name in MACHINE if machine.get(name)) or MISSING
+    said = [("{}", "processor"), ("{} cores", "cores"), ("{}", "system")]
+    yield "machine", ", ".join(form.format(machine[name]) for form, name in said if machine.get(name)) or MISSING
     yield "real time", run.recording.last_values("haptic_driver").get("realtime", MISSING)
-    yield "faults", (", ".join(summary.faults(run.recording)) or "none") if run.traced else MISSING
+    yield "faults", _faults(run) if run.traced else MISSING
+
+
+def _faults(run: Run) -> str:
+    before = name_of(int(np.nan_to_num(run.recording.trace["fault"][0])))
+    found = [
+        f"{name} (since before this recording)" if name == before else name for name in summary.faults(run.recording)
+    ]
+    return ", ".join(found) or "none"
 
 
 def _servo(run: Run) -> Entries:
@@ -82,16 +92,16 @@ def _exchange(run: Run) -> Entries:
     yield "answered", f"{found['answered']} ({100 * found['answered'] / max(1, found['sent']):.2f} %)"
     yield "age p50, p99, max", _three(found["age_ms"], "ms")
     waited = summary.waited_time(run.recording)
-    yield "time that the world left out", MISSING if waited is None else f"{waited:.3g} s"
-    yield "handle to tool, RMS, largest", _told("{:.3g}, {:.3g} mm", *_apart(run))
+    yield "time that the world left out", MISSING if waited is None else digits.amount(waited, "s")
+    yield "handle to tool, RMS, largest", ", ".join(digits.amount(distance, "m") for distance in _apart(run))
 
 
 def _apart(run: Run) -> tuple[float, float]:
-    """RMS and largest distance from handle to tool [mm]."""
+    """RMS and largest distance from handle to tool [m]."""
     distance = run.distance[np.isfinite(run.distance)]
     if not len(distance):
         return np.nan, np.nan
-    return float(np.sqrt(np.mean(distance**2, dtype=float))) * 1e3, float(np.max(distance)) * 1e3
+    return float(np.sqrt(np.mean(distance**2, dtype=float))), float(np.max(distance))
 
 
 def _withheld(run: Run) -> Entries:
@@ -106,17 +116,18 @@ def _withheld(run: Run) -> Entries:
 
 
 def _energy(run: Run) -> Entries:
-    yield "given to the operator, servo's books, end", _told("{:.3g} mJ", run.rows["energy_given"][-1].sum() * 1e3)
-    yield "to the tool at its port, end", f"{run.tool_energy[-1] * 1e3:.3g} mJ"
+    yield "given to the operator, servo's account, end", digits.amount(float(run.booked[-1]), "J")
+    yield "to the tool at its port, end", digits.amount(float(run.tool_energy[-1]), "J")
     margin = np.fmin.reduce(run.rows["margin"], axis=0)
-    yield "least margin x, y, θ", _told("{:.4g} N s/m, {:.4g} N s/m, {:.4g} N m s/rad", *margin)
+    units = ("N s/m", "N s/m", "N m s/rad")
+    yield "least margin x, y, θ", ", ".join(digits.plain(float(m), unit) for m, unit in zip(margin, units, strict=True))
     yield "ticks in which the controller acted", _told("{:.0f}", run.rows["injections"][-1] - run.rows["injections"][0])
 
 
 def _truth(run: Run) -> Entries:
-    given = run.ground_truth.entry("energy_given") * 1e3
-    yield "given to the operator, truth, largest", _told("{:.3g} mJ", np.fmax.reduce(given))
-    yield "given to the operator, truth, end", _told("{:.3g} mJ", given[-1])
+    given = run.given
+    yield "given to the operator, truth, largest", digits.amount(float(np.fmax.reduce(given)), "J")
+    yield "given to the operator, truth, end", digits.amount(float(given[-1]), "J")
 
 
 def _contact(run: Run) -> Entries:
@@ -127,14 +138,17 @@ def _contact(run: Run) -> Entries:
 
 
 def _strongest(run: Run) -> Entries:
-    found = summary.contact_figures(run.recording, run.rows if run.traced else None)
-    for name, label, scale, unit in (
-        ("max_force_n", "strongest contact", 1.0, "N"),
-        ("max_on_hand_n", "strongest on the hand", 1.0, "N"),
-        ("max_penetration_m", "deepest overlap", 1e6, "µm"),
-    ):
-        value = found[name]
-        yield label, MISSING if value is None else f"{value * scale:.3g} {unit}"
+    on_hand = summary.contact_figures(run.recording, run.rows if run.traced else None)["max_on_hand_n"]
+    yield "strongest contact", _greatest(run, "max_contact_force", "N")
+    yield "strongest on the hand", MISSING if on_hand is None else digits.amount(on_hand, "N")
+    yield "deepest overlap", _greatest(run, "max_penetration", "m")
+
+
+def _greatest(run: Run, name: str, unit: str) -> str:
+    value, bound = summary.greatest(run.recording, name)
+    if value is not None:
+        return digits.amount(value, unit)
+    return MISSING if bound is None else f"at most {digits.amount(bound, unit)}, which was before this recording"
 
 
 def _impedance(run: Run) -> Entries:
@@ -167,7 +181,7 @@ def _oscillation(run: Run) -> Entries:
         yield "found", "none"
         return
     yield "frequency", f"{found.frequency:.1f} Hz"
-    yield "force", f"{found.force:.3g} N RMS"
+    yield "force", f"{digits.amount(found.force, 'N')} RMS"
     yield "when", f"from {found.begin:.2f} s, {found.seconds:.2f} s in all"
 
 
@@ -217,12 +231,7 @@ def _trial(run: Run) -> Entries:
 
 def _three(found: dict[str, Any], unit: str) -> str:
     values = [found[name] for name in ("p50", "p99", "max")]
-    return MISSING if None in values else ", ".join(map(_plain, values)) + f" {unit}"
-
-
-def _plain(value: float) -> str:
-    """Three digits, and whole numbers rather than a power of ten."""
-    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
+    return MISSING if None in values else ", ".join(map(digits.plain, values)) + f" {unit}"
 
 
 def _told(text: str, *values: float) -> str:
@@ -231,4 +240,4 @@ def _told(text: str, *values: float) -> str:
 
 
 def _plus(estimate: Estimate, unit: str) -> str:
-    return f"{estimate.value:.4g} ± {estimate.error:.2g} {unit}"
+    return digits.with_error(estimate.value, estimate.error, unit)

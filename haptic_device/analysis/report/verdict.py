@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What came of a run, in two sentences: how it ended, and what was wrong meanwhile."""
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from haptic_device.analysis.report import summary
+from haptic_device.analysis.report.digits import amount, plain
+from haptic_device.analysis.report.run import Run
+from haptic_device.control.faults import TABLE, name_of
+
+LATE = 0.01  # share of ticks missed, or of samples late or unanswered, that is worth a warning
+NOTHING = 1e-6  # [J] of energy that nobody feels
+GOOD, WARN, BAD = "good", "warn", "bad"
+_CAUSES = {fault.name: fault.cause for fault in TABLE}
+Findings = Iterator[tuple[str, str]]
+"""(level, sentence) each."""
+
+
+class Verdict(NamedTuple):
+    """The worst level of all; how the run ended; what else there was, in one line."""
+
+    level: str
+    ending: str
+    rest: str
+
+
+def verdict(run: Run) -> Verdict:
+    """The verdict on a run, of what its recording tells."""
+    ending, rest = ([found for part in parts for found in _tried(part, run)] for parts in (_ENDING, _REST))
+    levels = {level for level, _ in ending + rest}
+    worst = next((level for level in (BAD, WARN) if level in levels), GOOD)
+    return Verdict(worst, *(" ".join(f"{sentence}." for _, sentence in part) for part in (ending, rest)))
+
+
+def _tried(part: Callable[[Run], Findings], run: Run) -> list[tuple[str, str]]:
+    """What the part finds; nothing where the recording lacks what it needs, of which the tables say why."""
+    try:
+        return list(part(run))
+    except (ValueError, IndexError, ZeroDivisionError):
+        return []
+
+
+def _faults(run: Run) -> Findings:
+    if not run.traced:
+        said = [status.values.get("fault", "") for status in run.recording.statuses("haptic_driver")]
+        found, last, known = sorted({*said} - {""}), said[-1] if said else "", bool(said)
+    else:
+        codes = run.recording.trace["fault"]
+        found, last = summary.faults(run.recording), name_of(int(np.nan_to_num(codes[-1])))
+        known = bool(np.isfinite(codes).any())
+    if last in _CAUSES:
+        yield BAD, f"Ended by a fault: {last} ({_CAUSES[last]})"
+    elif found:
+        yield WARN, f"A fault came and was cleared: {', '.join(found)}"
+    elif known:
+        yield GOOD, "No fault"
+    else:
+        yield WARN, "Not known whether there was a fault"
+
+
+def _job(run: Run) -> Findings:
+    for name, value in summary.results(run.recording.last_values("haptic_simulation")).items():
+        told = f"{name.replace('_', ' ')} {plain(round(100 * value))} %"
+        if name not in summary.GOALS:
+            yield GOOD, f"{told.capitalize()} at the end"
+        elif value >= summary.REACHED:
+            yield GOOD, f"Job done: {told}"
+        else:
+            yield BAD, f"Job not done: {told} of the {100 * summary.REACHED:.0f} % needed"
+
+
+def _energy(run: Run) -> Findings:
+    try:
+        given = np.fmax.reduce(run.given)
+    except ValueError:
+        if not run.traced:
+            return
+        given = np.fmax.reduce(run.booked)
+    if given > NOTHING:
+        yield WARN, f"The operator got up to {amount(float(given), 'J')} more than was put in"
+    elif np.isfinite(given):
+        yield GOOD, "The operator never got more energy than was put in"
+    if run.traced and (least := np.fmin.reduce(run.rows["margin"][:, :2], axis=None)) < 0.0:
+        yield WARN, f"The passivity margin fell to {plain(float(least), 'N s/m')}"
+
+
+def _withheld(run: Run) -> Findings:
+    found = summary.withheld_figures(run.recording) if run.traced else None
+    if found:
+        yield WARN, "Force was withheld: " + ", ".join(f"{name} {total:.2f} s" for name, (total, _) in found.items())
+    elif found is not None:
+        yield GOOD, "No force was withheld"
+
+
+def _timing(run: Run) -> Findings:
+    if not run.traced or not run.rows["lateness"].any():  # in lock-step nothing can be late
+        return
+    missed, late, ticks = summary.servo_figures(run.rows)["missed"], summary.late_samples(run.rows), len(run.rows)
+    said = [] if missed is None else [f"{missed} of {ticks} ticks missed"]
+    said += [] if late is None else [f"{late} of the device's samples late"]
+    if said:
+        yield WARN if max(missed or 0, late or 0) > LATE * ticks else GOOD, ", ".join(said)
+
+
+def _answers(run: Run) -> Findings:
+    if not run.traced:
+        return
+    found = summary.exchange_figures(run.recording, run.rows)
+    if found["sent"] and found["answered"] < (1.0 - LATE) * found["sent"]:
+        yield WARN, f"Only {found['answered']} of {found['sent']} handle samples were answered"
+
+
+_ENDING = (_faults, _job)
+_REST = (_energy, _withheld, _timing, _answers)

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verdict on a run, which stands on top of its report."""
+
+import bag_of_a_run
+import pytest
+from bag_of_a_run import SAID, joints, swing, write_run
+
+from haptic_device.analysis.report.reading import read_run
+from haptic_device.analysis.report.verdict import BAD, GOOD, WARN, verdict
+from haptic_device.control import faults, withheld
+
+TICKS = 8000
+
+
+@pytest.fixture
+def judged(tmp_path):
+    """judged(change of the rows): the verdict on a good run whose rows were changed."""
+
+    def of(change=lambda rows: None):
+        rows = swing(TICKS)
+        rows["margin"] = 1.0
+        change(rows)
+        return verdict(read_run(write_run(tmp_path / "run", rows)))
+
+    return of
+
+
+def test_a_run_without_anything_wrong_is_good_and_says_so(judged):
+    found = judged()
+    assert found.level == GOOD and found.ending == "No fault."
+    assert found.rest == (
+        "The operator never got more energy than was put in. No force was withheld. "
+        f"0 of {TICKS} ticks missed, 0 of the device's samples late."
+    )
+
+
+@pytest.mark.parametrize(
+    ("until", "level", "words"),
+    [
+        (TICKS, BAD, "Ended by a fault: estop (~/estop was called)."),
+        (7000, WARN, "A fault came and was cleared: estop."),
+    ],
+)
+def test_a_fault_at_the_end_ended_the_run_and_one_that_was_cleared_did_not(judged, until, level, words):
+    def fall(rows):
+        rows["fault"][6000:until] = faults.ESTOP
+
+    found = judged(fall)
+    assert (found.level, found.ending) == (level, words)
+
+
+@pytest.mark.parametrize(
+    ("fraction", "level", "words"),
+    [("0.95", GOOD, "Job done: insertion fraction 95 %."), ("0.94", BAD, "Job not done: insertion fraction 94 % of")],
+)
+def test_the_job_is_done_from_the_least_of_its_goal_on(judged, monkeypatch, fraction, level, words):
+    monkeypatch.setitem(SAID, "result.insertion_fraction", fraction)
+    found = judged()
+    assert found.level == level and words in found.ending
+
+
+def test_a_measure_that_is_no_goal_is_told_and_judged_not(judged, monkeypatch):
+    monkeypatch.setitem(SAID, "result.pressed", "-0.001")
+    found = judged()
+    assert found.level == GOOD and found.ending == "No fault. Pressed 0 % at the end."
+
+
+@pytest.mark.parametrize(("most", "level"), [(0.99e-6, GOOD), (1.01e-6, WARN)])
+def test_energy_that_the_operator_got_beyond_what_was_put_in_is_told(judged, monkeypatch, most, level):
+    def truth(names, position, *rest, **more):
+        if "energy_given" in names:
+            position[names.index("energy_given")] = 5.0 + most * min(1.0, position[-1] - 5.0)
+        return joints(names, position, *rest, **more)
+
+    monkeypatch.setattr(bag_of_a_run, "joints", truth)
+    found = judged()
+    assert found.level == level and ("The operator got up to" in found.rest) == (level == WARN)
+
+
+@pytest.mark.parametrize(("least", "told"), [(0.0, False), (-1.5, True)])
+def test_a_margin_below_zero_is_told_with_its_least_value(judged, least, told):
+    def lower(rows):
+        rows["margin"][100, 1] = least
+
+    found = judged(lower)
+    assert ("The passivity margin fell to −1.5 N s/m." in found.rest) == told == (found.level == WARN)
+
+
+def test_force_that_was_withheld_is_told_with_its_time(judged):
+    def keep(rows):
+        rows["withheld"][1000:3000] = withheld.TANK
+
+    found = judged(keep)
+    assert found.level == WARN and "Force was withheld: tank 0.50 s." in found.rest
+
+
+@pytest.mark.parametrize(("count", "level"), [(80, GOOD), (81, WARN)])
+def test_more_than_one_sample_in_a_hundred_that_is_late_is_a_warning(judged, count, level):
+    def late(rows):
+        rows["device_status"][:count] = 0.0
+
+    found = judged(late)
+    assert found.level == level and f"{count} of the device's samples late." in found.rest
+
+
+@pytest.mark.parametrize(("count", "level"), [(80, GOOD), (81, WARN)])
+def test_so_is_more_than_one_tick_in_a_hundred_that_was_missed(judged, count, level):
+    def miss(rows):
+        rows["missed"][4000:] = count
+
+    found = judged(miss)
+    assert found.level == level and f"{count} of {TICKS} ticks missed" in found.rest
+
+
+def test_a_run_whose_samples_were_not_answered_says_how_many(judged):
+    def lose(rows):
+        rows["tool_answered"] -= rows["tool_answered"] % 2
+
+    found = judged(lose)
+    assert found.level == WARN and "of 2000 handle samples were answered." in found.rest
