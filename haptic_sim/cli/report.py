@@ -16,7 +16,9 @@ def report(
     bags: Annotated[list[Path], typer.Argument(help="Bag folders or .mcap files, shown side by side.")],
     out: Annotated[Path | None, typer.Option(help="Folder for page and figures [haptic_reports/TIME].")] = None,
     namespace: Annotated[str | None, typer.Option(help="Where a bag holds several devices.")] = None,
-    film: Annotated[bool, typer.Option("--film", help="Also film.html, which plays one bag or two, and film.gif.")] = False,
+    film: Annotated[
+        bool, typer.Option("--film", help="Also film.html, which plays one bag or two, and film.gif.")
+    ] = False,
 ) -> None:
     """Write report.html (self-contained, offline) and its figures. What is wrong with a bag is said in it.
 

@@ -22,7 +22,14 @@ COLOURS = 48
 PER_NEWTON = 6.0  # pixels
 LONGEST = 140.0  # pixels of an arrow
 GROUND, INK, FIXED, MOVING = "#f6f7f9", "#16191d", "#9aa3ad", "#56b4e9"  # those of the page in light
-TOOL_COLOUR, HANDLE_COLOUR, COUPLING, FORCE, CONTACT, WALL = "#e69f00", "#0072b2", "#009e73", "#d55e00", "#a3457f", "#b7d0df"
+TOOL_COLOUR, HANDLE_COLOUR, COUPLING, FORCE, CONTACT, WALL = (
+    "#e69f00",
+    "#0072b2",
+    "#009e73",
+    "#d55e00",
+    "#a3457f",
+    "#b7d0df",
+)
 
 
 def pictures_of(film: Film) -> npt.NDArray[np.intp]:
@@ -41,7 +48,9 @@ def write_gif(film: Film, path: Path) -> None:
     palette = frames[len(frames) // 2].quantize(COLOURS)
     reduced = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     with naming(path):
-        reduced[0].save(path, save_all=True, append_images=reduced[1:], duration=round(1e3 * PERIOD), loop=0, optimize=True)
+        reduced[0].save(
+            path, save_all=True, append_images=reduced[1:], duration=round(1e3 * PERIOD), loop=0, optimize=True
+        )
 
 
 class _Drawer:

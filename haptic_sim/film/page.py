@@ -35,7 +35,9 @@ def page_of(films: list[Film]) -> str:
         "data": _harmless([_content(film) for film in films]),
     }
     text = re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], _text("film.html"))  # before what is code
-    return text.replace("<style></style>", f"<style>{style}</style>").replace("<script></script>", f"<script>{script}</script>")
+    return text.replace("<style></style>", f"<style>{style}</style>").replace(
+        "<script></script>", f"<script>{script}</script>"
+    )
 
 
 def _modules(name: str, done: set[str]) -> Iterator[str]:

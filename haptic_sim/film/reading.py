@@ -178,7 +178,9 @@ def _text(message: bytes) -> Any:
         return None
 
 
-def _places(run: Run, clock: Clock, state: Joints | None, drawing: Drawing | None, notes: list[str]) -> dict[str, Array]:
+def _places(
+    run: Run, clock: Clock, state: Joints | None, drawing: Drawing | None, notes: list[str]
+) -> dict[str, Array]:
     if state is not None and len(state.stamp):
         bodies = [solid.name for solid in drawing.solids if not solid.fixed] if drawing else [TOOL]
         names = dict.fromkeys([HANDLE, TOOL, *bodies])
@@ -192,7 +194,9 @@ def _places(run: Run, clock: Clock, state: Joints | None, drawing: Drawing | Non
         for name in by_axis[0]
     }
     if HANDLE not in found or not np.isfinite(found[HANDLE]).any():
-        raise ValueError(f"bag {run.recording.bag} says neither where the handle was nor the scene: a film has nothing to show")
+        raise ValueError(
+            f"bag {run.recording.bag} says neither where the handle was nor the scene: a film has nothing to show"
+        )
     if TOOL not in found or not np.isfinite(found[TOOL]).any():
         notes.append("no tool was heard of: the handle is shown alone")
     return {TOOL: np.full_like(found[HANDLE], np.nan)} | found
