@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A small bag with a scene: a disc that swings above a floor and touches it, with contacts, marks and the hand's truth."""
+"""A small bag with a scene: a disc that swings above a floor, with contacts, marks and the truth of the hand."""
 
 import json
 from pathlib import Path
@@ -53,8 +53,7 @@ def rows_of(ticks: int, contact: tuple[int, int] = (2000, 2400)) -> np.ndarray:
 
 
 def film_bag(folder: Path, rows: np.ndarray, scene: dict | None = SCENE, marks=(), shown: bool = True) -> Path:
-    """The rows as a bag. marks: (tick, text). shown: whether scene/state and contacts were recorded; scene None: not its
-    description."""
+    """The rows as a bag. scene None: its description is missing. marks: (tick, text). shown: with scene/state."""
     messages = [("/haptic/scene", STRING, string(json.dumps(scene)), 1, _time(rows[0]))] if scene else []
     for start in range(0, len(rows), 80):
         part = rows[start : start + 80]

@@ -34,11 +34,11 @@ TOOL_COLOUR, HANDLE_COLOUR, COUPLING, FORCE, CONTACT, WALL = (
 
 def pictures_of(film: Film) -> npt.NDArray[np.intp]:
     """Which pictures of the film are in the GIF."""
-    length = (film.count - 1) / film.rate
+    length = (film.pictures - 1) / film.rate
     begin = max(0.0, min((film.first_contact or 0.0) - BEFORE, length - SECONDS))
     times = begin + PERIOD * np.arange(round(SECONDS / PERIOD))
     found = np.round(times[times <= length + 1e-9] * film.rate).astype(np.intp)
-    return np.minimum(found, film.count - 1)
+    return np.minimum(found, film.pictures - 1)
 
 
 def write_gif(film: Film, path: Path) -> None:

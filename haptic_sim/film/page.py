@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""film.html: the page that plays one film, or two on top of each other. One file that needs no other, and no network."""
+"""film.html: the page that plays one film, or two on top of each other. One file, which needs no network."""
 
 import base64
 import hashlib
@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +19,7 @@ from haptic_sim.film.reading import Film
 OWN = Path(__file__).with_name("web")
 SHARED = Path(__file__).resolve().parents[1] / "viewer" / "web"  # the live page, whose plane this is
 UNITS = {"length": 1e-5, "angle": 1e-4, "curve": 1e-2}  # one step of the numbers: 0.01 mm, 0.1 mrad, 0.01 N, mJ, ms
+FARTHEST = 1e9  # steps beyond which nothing is shown
 _IMPORT = re.compile(r'^import \{([^}]*)\} from "\./([\w.]+)";\n', re.M)
 _EXPORT = re.compile(r"^export (?=(?:async )?(?:function|class|const) (\w+))", re.M)
 _THEMES = re.compile(r"^:root[^{]*\{[^}]*\}$", re.M)
@@ -41,8 +43,8 @@ def page_of(films: list[Film]) -> str:
 
 
 def _modules(name: str, done: set[str]) -> Iterator[str]:
-    """A module of the page behind those that it imports, each once and in a function of its own: only what it exports is
-    seen by the others. Raises ValueError for a line of import or export that this cannot read."""
+    """A module of the page behind those that it imports, each once and in a function of its own: the others see what it
+    exports. Raises ValueError for a line of import or export that this cannot read."""
     if name in done:
         return
     done.add(name)
@@ -64,12 +66,12 @@ def _digest(text: str) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
-def _harmless(content: list) -> str:
+def _harmless(content: list[Any]) -> str:
     """JSON in which nothing ends the element that it is in."""
     return json.dumps(content, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
-def _content(film: Film) -> dict:
+def _content(film: Film) -> dict[str, Any]:
     steps = np.array([UNITS["length"], UNITS["length"], UNITS["angle"]])
     return {
         "name": film.name,
@@ -78,7 +80,7 @@ def _content(film: Film) -> dict:
         "facts": film.facts,
         "notes": film.notes,
         "rate": film.rate,
-        "count": film.count,
+        "count": film.pictures,
         "steps": UNITS,
         "places": {name: [_packed(column) for column in (place / steps).T] for name, place in film.places.items()},
         "curves": {name: _packed(curve / UNITS["curve"]) for name, curve in film.curves.items()},
@@ -92,13 +94,13 @@ def _content(film: Film) -> dict:
     }
 
 
-def _packed(column: npt.NDArray[np.float64]) -> list:
+def _packed(column: npt.NDArray[np.float64]) -> list[Any]:
     """Whole numbers, each as its difference to the last one that is known; null where nothing is. What never is known,
     is one null."""
     known = np.isfinite(column)
     if not known.any():
         return [None]
-    whole = np.round(column[known]).astype(np.int64)
+    whole = np.round(np.clip(column[known], -FARTHEST, FARTHEST)).astype(np.int64)
     packed = np.full(len(column), None, object)
     packed[known] = np.diff(whole, prepend=0).tolist()
     return packed.tolist()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded run as pictures at an even rate: where everything was, and the curves below it. Time 0 is that of the report."""
+"""A recorded run as pictures at an even rate, and the curves below them. Time 0 is that of the report."""
 
 import json
 import math
@@ -33,11 +33,13 @@ Array = npt.NDArray[np.float64]
 
 
 class Film(NamedTuple):
-    """pictures: (pictures, 3) [m, m, rad] of `handle`, the tool and each body by name. curves: (pictures,) by name: motor,
-    felt [N], stretch [mm], given, supplied [mJ], age, oldest [ms]. force: (pictures, 2) on the hand [N]. coupled: whether the
-    coupling held. contacts: (picture, x, y [m], force x, y [N]). marks: (time [s], text). What is not known is NaN.
+    """What is not known is NaN.
 
-    first_contact [s]: None without one. room: left, bottom, right, top [m]. walls: of the servo: normal x, y, offset [m].
+    rate: pictures a second. places: (pictures, 3) [m, m, rad] of `handle`, the tool and each moving body. curves:
+    (pictures,) of motor, felt [N], stretch [mm], given, supplied [mJ], age, oldest [ms]. force: (pictures, 2) on the
+    hand [N]. coupled: whether the coupling held. contacts: (picture, x, y [m], force x, y [N]). marks: (time [s], text).
+    first_contact [s]: None without one. room: left, bottom, right, top [m]. walls: of the servo, as (normal x, normal y,
+    offset [m]).
     """
 
     name: str
@@ -57,7 +59,7 @@ class Film(NamedTuple):
     walls: list[tuple[float, float, float]]
 
     @property
-    def count(self) -> int:
+    def pictures(self) -> int:
         """How many pictures."""
         return len(self.coupled)
 
@@ -139,7 +141,7 @@ def film_of(run: Run) -> Film:
 
 
 class _Seen:
-    """What the simulation showed: `state` (scene/state) or None, `scene` that it is of or None, `clouds` of contacts."""
+    """What the simulation showed: `state` (scene/state), the `scene` that it is of, or None; `clouds` of contacts."""
 
     def __init__(self, run: Run) -> None:
         bag, namespace = run.recording.bag, run.recording.namespace
@@ -271,6 +273,7 @@ def _contacts(run: Run, clock: Clock, clouds: CloudColumns) -> list[tuple[int, f
         (picture, *(float(row[name]) for name in ("x", "y", "force_x", "force_y")))
         for picture in np.flatnonzero(near).tolist()
         for row in rows[clouds.begins[found[picture]] : ends[found[picture]]]
+        if math.isfinite(sum(row[name] for name in ("x", "y", "force_x", "force_y")))
     ]
 
 
@@ -293,14 +296,16 @@ def _room(places: dict[str, Array], drawing: Drawing | None) -> tuple[float, flo
 
 
 def _walls(run: Run) -> list[tuple[float, float, float]]:
-    """Of the servo, as attached; those that have no place are left out."""
+    """Of the servo, as attached; none that cannot be read."""
     for node in run.attached("parameters/haptic_driver.yaml").values():
         given = node.get(SECTION) if isinstance(node, dict) else None
         values = given if isinstance(given, dict) else {}
-        wall = values.get("wall") if isinstance(values.get("wall"), dict) else {}
-        normals = values.get("wall.normals", wall.get("normals", [])) or []
-        offsets = values.get("wall.offsets", wall.get("offsets", [])) or []
-        return [tuple(map(float, wall)) for wall in zip(normals[::2], normals[1::2], offsets, strict=False)]
+        try:
+            normals, offsets = (np.array(values.get(f"wall.{name}", []), float) for name in ("normals", "offsets"))
+            walls = np.column_stack([normals.reshape(-1, 2), offsets])
+        except (ValueError, TypeError):
+            return []
+        return [(x, y, offset) for x, y, offset in walls.tolist() if math.isfinite(x + y + offset)]
     return []
 
 

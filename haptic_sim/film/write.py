@@ -12,7 +12,7 @@ from haptic_sim.film.reading import film_of
 
 
 def write_film(runs: list[Run], folder: Path, show: Callable[[int, str], None] = lambda done, what: None) -> list[Path]:
-    """Writes film.html of one run or two, and film.gif of the first run, into the folder; their paths. show(films read, what is next).
+    """Writes film.html of one run or two, and film.gif of the first; their paths. show(films read, what is next).
 
     Raises ValueError for a run of which nothing can be seen.
     """

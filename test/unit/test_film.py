@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The film of a recording: what it shows is what the bag has, and the page is one file that asks nobody for anything."""
+"""The film of a recording: what it shows is what the bag has, and the page is one file that fetches nothing."""
 
 import json
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -45,7 +46,7 @@ def unpacked(column, step):
 
 
 def test_a_second_of_a_recording_is_sixty_pictures(film):
-    assert film.rate == 60.0 and film.count == 90
+    assert film.rate == 60.0 and film.pictures == 90
 
 
 def test_what_is_longer_than_ten_minutes_has_fewer_pictures_a_second():
@@ -54,7 +55,7 @@ def test_what_is_longer_than_ten_minutes_has_fewer_pictures_a_second():
 
 
 def test_handle_tool_and_moving_bodies_are_where_the_simulation_showed_them(film):
-    time = np.arange(film.count) / film.rate
+    time = np.arange(film.pictures) / film.rate
     swung, late = 0.01 * np.sin(20 * time), 0.2 * EVERY * 0.25e-3
     for name, (x, y, angle) in {
         "handle": (0.0, 0.0, 0.0),
@@ -68,7 +69,7 @@ def test_handle_tool_and_moving_bodies_are_where_the_simulation_showed_them(film
 
 def test_force_stretch_energy_and_age_are_those_of_the_bag(film):
     place = film.places["handle"][:, 0]
-    assert film.curves["motor"] == pytest.approx(np.abs(STIFFNESS * 0.01) * np.ones(film.count), abs=10.0)
+    assert film.curves["motor"] == pytest.approx(np.abs(STIFFNESS * 0.01) * np.ones(film.pictures), abs=10.0)
     assert np.corrcoef(film.force[:, 0], place)[0, 1] > 0.9, "the model feels the opposite of the motor's force on it"
     assert film.curves["stretch"] == pytest.approx(1.0)
     assert film.curves["age"] == pytest.approx(1.5) and film.curves["oldest"] == pytest.approx(1.5)
@@ -107,7 +108,7 @@ def test_a_bag_without_a_trace_is_shown_by_its_topics(tmp_path):
     messages, attachments = records_of(file)
     write(file, [one for one in messages if one[1].topic != "/haptic/trace"], attachments)
     topics = film_of(read_run(bare))
-    assert np.isfinite(topics.places["tool"]).all() and topics.count == pytest.approx(film.count, abs=2)
+    assert np.isfinite(topics.places["tool"]).all() and topics.pictures == pytest.approx(film.pictures, abs=2)
     assert any("no trace" in note for note in topics.notes)
 
 
@@ -117,7 +118,7 @@ def test_the_page_has_every_number_to_the_step_that_it_says(film):
     assert np.abs(unpacked(x, 1e-5) - film.places["handle"][:, 0]).max() <= 0.5e-5 + 1e-12
     assert unpacked(shown["places"]["block"][2], 1e-4) == pytest.approx(0.5)
     assert np.abs(unpacked(shown["force"][0], 1e-2) - film.force[:, 0]).max() <= 0.5e-2 + 1e-9
-    assert len(angle) == film.count
+    assert len(angle) == film.pictures
 
 
 def test_numbers_that_nobody_knows_are_no_zeros():
@@ -125,10 +126,24 @@ def test_numbers_that_nobody_knows_are_no_zeros():
     assert pages._packed(np.array([np.nan, np.nan])) == [None]
 
 
+def test_walls_of_the_servo_are_those_that_the_driver_had(tmp_path):
+    bag = film_bag(tmp_path / "run", rows_of(1000))
+    [file] = bag.glob("*.mcap")
+    messages, attachments = records_of(file)
+    for walls, wanted in (("[0.0, 1.0]", [(0.0, 1.0, -0.05)]), ("[0.0]", []), ("here", []), ("[.nan, 1.0]", [])):
+        given = f"/haptic/haptic_driver:\n  ros__parameters:\n    wall.normals: {walls}\n    wall.offsets: [-0.05]\n"
+        one = SimpleNamespace(
+            create_time=1, log_time=1, name="parameters/haptic_driver.yaml", media_type="", data=given.encode()
+        )
+        write(file, messages, [*attachments, one])
+        film = film_of(read_run(bag))
+        assert film.walls == wanted and page_of([film])
+
+
 def test_a_minute_stays_below_two_megabytes(tmp_path):
     rows = rows_of(3000)
     film = film_of(read_run(film_bag(tmp_path / "run", rows)))
-    repeat = 3600 // film.count + 1
+    repeat = 3600 // film.pictures + 1
     rng = np.random.default_rng(1)
 
     def longer(column):
@@ -138,7 +153,7 @@ def test_a_minute_stays_below_two_megabytes(tmp_path):
     curves = {name: longer(curve) for name, curve in film.curves.items()}
     places |= {f"body {i}": places["block"] for i in range(6)}
     long = film._replace(places=places, curves=curves, force=longer(film.force), coupled=np.tile(film.coupled, repeat))
-    assert long.count >= 3600 and len(page_of([long]).encode()) < 2e6
+    assert long.pictures >= 3600 and len(page_of([long]).encode()) < 2e6
 
 
 def test_the_page_is_one_file_that_fetches_nothing(film):
@@ -220,4 +235,4 @@ def test_a_bag_that_is_cut_off_is_shown_as_far_as_it_goes_and_says_so(bag, tmp_p
     data = file.read_bytes()
     (short / "short_0.mcap").write_bytes(data[: len(data) * 2 // 3])
     film = film_of(read_run(short))
-    assert 1 < film.count < 90 and film.notes
+    assert 1 < film.pictures < 90 and film.notes
