@@ -37,9 +37,9 @@ class Film(NamedTuple):
 
     rate: pictures a second. places: (pictures, 3) [m, m, rad] of `handle`, the tool and each moving body. curves:
     (pictures,) of motor, felt [N], stretch [mm], given, supplied [mJ], age, oldest [ms]. force: (pictures, 2) on the
-    hand [N]. coupled: whether the coupling held. contacts: (picture, x, y [m], force x, y [N]). marks: (time [s], text).
-    first_contact [s]: None without one. room: left, bottom, right, top [m]. walls: of the servo, as (normal x, normal y,
-    offset [m]).
+    hand [N]. coupled: whether the coupling held. contacts: (picture, x, y [m], force x, force y [N]). marks: (time [s],
+    text). first_contact [s]: None without one. room: left, bottom, right, top [m]. walls: of the servo, as (normal x,
+    normal y, offset [m]).
     """
 
     name: str

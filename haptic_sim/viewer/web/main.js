@@ -6,6 +6,7 @@ import { driverOf, showHealth } from "./health.js";
 import { layered } from "./layer.js";
 import { Link } from "./link.js";
 import { Panels, shown, stretch } from "./panels.js";
+import { RecordingPanel } from "./recording.js";
 import { SceneView } from "./scene.js";
 import { Strip } from "./strips.js";
 import { dress } from "./theme.js";
@@ -28,6 +29,7 @@ const tuning = new Tuning(byId("sliders"), (name, value) => {
   link.say({ do: "set", name, value });
 });
 const panels = new Panels(link);
+const recording = new RecordingPanel(link);
 const tone = new Tone(byId("tone"));
 const hand = new Hand(view, lead);
 const strips = [
@@ -60,6 +62,7 @@ function take(kind, content) {
   else if (kind === "scene") view.setScene(content);
   else if (kind === "values") showValues(content);
   else if (kind === "status") showStatus(content);
+  else if (kind === "recordings") recording.show(content);
   else if (kind === "hint") hint(content);
   else if (kind === "answer") answered(content);
 }
@@ -81,11 +84,10 @@ function showValues(news) {
 function showStatus(news) {
   status = news;
   showHealth(news, tuningNews);
-  panels.showRecorder(news);
 }
 
 function answered(answer) {
-  if (panels.answered(answer)) return;
+  if (panels.answered(answer) || recording.answered(answer)) return;
   if (answer.to.do === "set") tuning.answered(answer);
   else if (!answer.done || answer.to.service === "estop") hint(answer.sentence);
 }
