@@ -35,7 +35,8 @@ TOOL_COLOUR, HANDLE_COLOUR, COUPLING, FORCE, CONTACT, WALL = (
 def pictures_of(film: Film) -> npt.NDArray[np.intp]:
     """Which pictures of the film are in the GIF."""
     length = (film.pictures - 1) / film.rate
-    begin = max(0.0, min((film.first_contact or 0.0) - BEFORE, length - SECONDS))
+    contact = film.begin if film.first_contact is None else film.first_contact
+    begin = max(0.0, min(contact - BEFORE - film.begin, length - SECONDS))
     times = begin + PERIOD * np.arange(round(SECONDS / PERIOD))
     found = np.round(times[times <= length + 1e-9] * film.rate).astype(np.intp)
     return np.minimum(found, film.pictures - 1)
@@ -96,7 +97,12 @@ class _Drawer:
     def _label(self, draw, number):
         force = math.hypot(*self._film.force[number])
         felt = f"   {force:.1f} N" if math.isfinite(force) else ""
-        draw.text((8 * FINER, 6 * FINER), f"{number / self._film.rate:.1f} s{felt}", INK, font_size=15 * FINER)
+        draw.text(
+            (8 * FINER, 6 * FINER),
+            f"{self._film.begin + number / self._film.rate:.1f} s{felt}",
+            INK,
+            font_size=15 * FINER,
+        )
 
     def _pixels(self, place):
         (x, y), (cx, cy), (half_width, half_height) = place[:2], self._middle, self._half

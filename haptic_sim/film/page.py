@@ -80,6 +80,7 @@ def _content(film: Film) -> dict[str, Any]:
         "facts": film.facts,
         "notes": film.notes,
         "rate": film.rate,
+        "begin": round(film.begin, 3),
         "count": film.pictures,
         "steps": UNITS,
         "places": {name: [_packed(column) for column in (place / steps).T] for name, place in film.places.items()},

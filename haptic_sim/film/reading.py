@@ -35,11 +35,11 @@ Array = npt.NDArray[np.float64]
 class Film(NamedTuple):
     """What is not known is NaN.
 
-    rate: pictures a second. places: (pictures, 3) [m, m, rad] of `handle`, the tool and each moving body. curves:
-    (pictures,) of motor, felt [N], stretch [mm], given, supplied [mJ], age, oldest [ms]. force: (pictures, 2) on the
-    hand [N]. coupled: whether the coupling held. contacts: (picture, x, y [m], force x, force y [N]). marks: (time [s],
-    text). first_contact [s]: None without one. room: left, bottom, right, top [m]. walls: of the servo, as (normal x,
-    normal y, offset [m]).
+    rate: pictures a second. begin [s]: of the first one. places: (pictures, 3) [m, m, rad] of `handle`, the tool and
+    each moving body. curves: (pictures,) of motor, felt [N], stretch [mm], given, supplied [mJ], age, oldest [ms].
+    force: (pictures, 2) on the hand [N]. coupled: whether the coupling held. contacts: (picture, x, y [m], force x,
+    force y [N]). marks: (time [s], text). first_contact [s]: None without one. room: left, bottom, right, top [m].
+    walls: of the servo, as (normal x, normal y, offset [m]).
     """
 
     name: str
@@ -48,6 +48,7 @@ class Film(NamedTuple):
     facts: list[tuple[str, str]]
     notes: list[str]
     rate: float
+    begin: float
     places: dict[str, Array]
     curves: dict[str, Array]
     force: Array
@@ -65,11 +66,11 @@ class Film(NamedTuple):
 
 
 class Clock:
-    """The even times of a film of this length [s]."""
+    """The even times of a film from begin to end [s]."""
 
-    def __init__(self, length: float) -> None:
-        self.rate = min(RATE, MOST / max(length, 1.0))
-        self.times = np.arange(math.floor(length * self.rate) + 1) / self.rate
+    def __init__(self, begin: float, end: float) -> None:
+        self.rate = min(RATE, MOST / max(end - begin, 1.0))
+        self.times = begin + np.arange(math.floor((end - begin) * self.rate) + 1) / self.rate
 
     def nearest(self, times: Array) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.bool_]]:
         """Of each picture, which of these times [s], rising, is nearest, and whether it is near enough to count."""
@@ -104,16 +105,16 @@ class Clock:
         return np.where(np.isfinite(most), most, shown)
 
     def _cells(self, times: Array, values: Array) -> tuple[npt.NDArray[np.intp], Array]:
-        place = np.round(times * self.rate)
+        place = np.round((times - self.times[0]) * self.rate)
         chosen = np.isfinite(values) & (place >= 0) & (place < len(self.times))
         return place[chosen].astype(np.intp), values[chosen]
 
 
 def film_of(run: Run) -> Film:
     """The film of a run. Raises ValueError if nothing of it can be seen: neither scene/state nor handle."""
-    clock, notes = Clock(run.length), []
-    seen = _Seen(run)
+    seen, notes = _Seen(run), []
     state, scene = seen.state, seen.scene
+    clock = Clock(*_span(run, state))
     if state is None:
         notes.append("the scene was not recorded: handle and tool are shown as the driver has them, bodies are not")
     elif scene is None:
@@ -128,16 +129,25 @@ def film_of(run: Run) -> Film:
         _facts(run, drawing),
         [*notes, *run.notes, *seen.notes],
         clock.rate,
+        float(clock.times[0]),
         places,
         curves,
         _force(run, clock),
         _coupled(run, clock),
         _contacts(run, clock, seen.clouds),
-        [(at, text) for at, text in run.marks if -STALE <= at <= clock.times[-1] + STALE],
+        run.marks,
         _first_contact(run),
         _room(places, drawing),
         _walls(run),
     )
+
+
+def _span(run: Run, state: Joints | None) -> tuple[float, float]:
+    """Begin and end [s]: from the first to the last tick, and for as long as the scene was shown."""
+    if state is None or not len(state.stamp):
+        return 0.0, run.length
+    shown = run.since(state.stamp)
+    return min(0.0, float(shown.min())), max(run.length, float(shown.max()))
 
 
 class _Seen:

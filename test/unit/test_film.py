@@ -50,12 +50,12 @@ def test_a_second_of_a_recording_is_sixty_pictures(film):
 
 
 def test_what_is_longer_than_ten_minutes_has_fewer_pictures_a_second():
-    assert len(Clock(599.0).times) == 599 * 60 + 1
-    assert len(Clock(6000.0).times) == reading.MOST + 1
+    assert len(Clock(0.0, 599.0).times) == 599 * 60 + 1
+    assert len(Clock(-1.0, 5999.0).times) == reading.MOST + 1
 
 
 def test_handle_tool_and_moving_bodies_are_where_the_simulation_showed_them(film):
-    time = np.arange(film.pictures) / film.rate
+    time = film.begin + np.arange(film.pictures) / film.rate
     swung, late = 0.01 * np.sin(20 * time), 0.2 * EVERY * 0.25e-3
     for name, (x, y, angle) in {
         "handle": (0.0, 0.0, 0.0),
@@ -82,6 +82,17 @@ def test_contacts_are_in_the_pictures_in_which_they_were(film):
     assert set(range(31, 36)) <= pictures <= set(range(30, 37)), "from 0.5 s to 0.6 s"
     assert film.contacts[0][2:] == pytest.approx((-0.004, 0.0, 1.5))
     assert film.first_contact == pytest.approx(0.5, abs=1e-3)
+
+
+def test_what_the_scene_showed_before_the_first_tick_is_in_the_film(tmp_path):
+    rows = rows_of(6000)
+    rows["engage"][:2000] = 0.0
+    film = film_of(read_run(film_bag(tmp_path / "late", rows, marks=[(400, "before")])))
+    assert film.begin == pytest.approx(-0.5, abs=0.02) and film.pictures == 90
+    assert film.marks == [(pytest.approx(-0.4), "before")]
+    swung = 0.01 * np.sin(20 * (0.5 + film.begin + np.arange(film.pictures) / film.rate))
+    assert np.abs(film.places["handle"][:, 0] - swung).max() < 0.2 * EVERY * 0.25e-3
+    assert np.isnan(film.curves["motor"][:25]).all() and np.isfinite(film.curves["motor"][35:]).all()
 
 
 def test_marks_have_the_times_of_the_report(film):

@@ -45,8 +45,8 @@ function draw(now) {
 // The second film is moved so that both touch something for the first time at once, or begin at once.
 function align() {
   const contact = first.contact !== null && second.contact !== null;
-  if (contact) second.begin = first.contact - second.contact;
-  const moved = second.begin.toFixed(2);
+  second.shift = contact ? first.contact - second.contact : first.begin - second.begin;
+  const moved = second.shift.toFixed(2);
   const how = contact ? `Their first contacts are at the same time: the second is moved by ${moved} s.` : "Both begin at the same time.";
   byId("overlaid").append(document.createElement("i"), ` ${second.name}, on top of ${first.name}. ${how}`);
   byId("overlaid").hidden = false;
@@ -55,7 +55,7 @@ function align() {
 function describe() {
   byId("date").textContent = recordings.map((one) => one.date).join(" and ");
   for (const one of recordings) byId("about").append(...about(one));
-  const marks = recordings.flatMap((one) => one.marks.map(([time, text]) => [one.begin + time, recordings.length > 1 ? `${one.name}: ${text}` : text]));
+  const marks = recordings.flatMap((one) => one.marks.map(([time, text]) => [one.shift + time, recordings.length > 1 ? `${one.name}: ${text}` : text]));
   byId("marks").hidden = !marks.length;
   byId("marks").append(element("span", "Marks:"), ...marks.map(([time, text]) => {
     const button = element("button", `${time.toFixed(2)} s ${text}`);

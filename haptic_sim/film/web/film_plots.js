@@ -190,7 +190,7 @@ class Plot {
   paintMarks(context, colour) {
     context.strokeStyle = colour;
     context.setLineDash([2 * this.box.ratio, 3 * this.box.ratio]);
-    for (const one of this.plots.recordings) for (const [time] of one.marks) this.vertical(context, one.begin + time);
+    for (const one of this.plots.recordings) for (const [time] of one.marks) this.vertical(context, one.shift + time);
     context.setLineDash([]);
   }
 

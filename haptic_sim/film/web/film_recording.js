@@ -2,11 +2,11 @@
 // One recording of the page: numbers as they were packed, made into what is drawn at a time.
 
 export class Recording {
-  // begin: when it begins [s] on the page; its own times count from there.
+  // shift [s]: from its own times, which are those of its report, to those of the page.
   constructor(film) {
     const { length, angle, curve } = film.steps;
     Object.assign(this, { name: film.name, date: film.date, facts: film.facts, notes: film.notes, marks: film.marks, walls: film.walls });
-    Object.assign(this, { rate: film.rate, count: film.count, room: film.room, scene: film.scene, contact: film.first_contact, begin: 0 });
+    Object.assign(this, { rate: film.rate, count: film.count, room: film.room, scene: film.scene, contact: film.first_contact, shift: 0, first: film.begin });
     this.places = Object.fromEntries(Object.entries(film.places).map(([name, columns]) =>
       [name, columns.map((column, axis) => unpacked(column, axis < 2 ? length : angle))]));
     this.curves = Object.fromEntries(Object.entries(film.curves).map(([name, column]) => [name, unpacked(column, curve)]));
@@ -17,6 +17,10 @@ export class Recording {
       if (!this.contacts.has(picture)) this.contacts.set(picture, []);
       this.contacts.get(picture).push([0, 0, numbers[0], numbers[1], 0, 0, numbers[2], numbers[3]]);
     }
+  }
+
+  get begin() {
+    return this.shift + this.first;
   }
 
   get end() {
