@@ -73,14 +73,17 @@ class Clock:
         self.times = begin + np.arange(math.floor((end - begin) * self.rate) + 1) / self.rate
 
     def nearest(self, times: Array) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.bool_]]:
-        """Of each picture, which of these times [s], rising, is nearest, and whether it is near enough to count."""
+        """Of each picture, which of these times [s], rising, is nearest, and whether it counts: what was said counts
+        for STALE, what is said later does not yet."""
         if not len(times):
             return np.zeros(len(self.times), np.intp), np.zeros(len(self.times), bool)
         right = np.clip(np.searchsorted(times, self.times), 1, max(1, len(times) - 1))
         left = right - 1
         right = np.minimum(right, len(times) - 1)
-        found = np.where(self.times - times[left] <= times[right] - self.times, left, right)
-        return found, np.abs(times[found] - self.times) <= STALE
+        since, until = self.times - times[left], times[right] - self.times
+        found = np.where((np.abs(until) < np.abs(since)) & (until <= 1.0 / self.rate), right, left)
+        age = self.times - times[found]
+        return found, (age >= -1.0 / self.rate) & (age <= STALE)
 
     def at(self, times: Array, values: Array) -> Array:
         """The values nearest to each picture; NaN where there is none."""
