@@ -12,6 +12,7 @@ from haptic_device.process import ending_with_us, own_environment, running_modul
 FILES = {"report.html": "report", "film.html": "replay", "film.gif": "GIF"}
 SOON = 0.3  # s that are waited for before a page says that it is being made
 LONGEST = 600.0  # s
+MOST_WAITING = 4  # that are made or wait for it
 LEAST_URGENT = ("nice", "-n", "19")  # the servo and the simulation go first
 WAITING = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta http-equiv="refresh" content="1">
@@ -42,6 +43,8 @@ class BagPages:
             raise LookupError(f"there is nothing called {file}; there are {', '.join(FILES)}")
         key, folder = tuple(bags), self._folder / name
         if key not in self._makings:
+            if sum(not making.task.done() for making in self._makings.values()) >= MOST_WAITING:
+                raise ValueError(f"{MOST_WAITING} reports wait to be made already; try again when they are done")
             self._makings[key] = Making(time.monotonic(), asyncio.create_task(self._make(bags, folder)))
         making = self._makings[key]
         await asyncio.wait([making.task], timeout=SOON)

@@ -198,6 +198,23 @@ def test_what_cannot_be_made_is_said_in_a_sentence_and_tried_again(news, tmp_pat
     assert again[0] == 200 and "Making the replay" in again[2]
 
 
+def test_four_pages_are_waited_for_and_a_fifth_is_refused(tmp_path):
+    bags = [film_bag(tmp_path / f"bag{number}", rows_of(1000)) for number in range(5)]
+
+    async def run():
+        pages = BagPages(tmp_path / "pages")
+        try:
+            for bag in bags[:4]:
+                assert "Making the" in await pages.page("film.html", [bag], bag.name)
+            with pytest.raises(ValueError, match="4 reports wait to be made already"):
+                await pages.page("film.html", bags[4:], "bag4")
+            assert "Making the" in await pages.page("film.gif", bags[:1], "bag0"), "it is the same making"
+        finally:
+            await pages.stop()
+
+    asyncio.run(run())
+
+
 def test_the_process_that_makes_a_page_ends_with_the_viewer(tmp_path):
     async def run():
         pages = BagPages(tmp_path / "pages")
