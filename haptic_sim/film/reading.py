@@ -18,12 +18,14 @@ from haptic_device.recording.bag_contents import Joints
 from haptic_device.recording.columns import CloudColumns
 from haptic_device.recording.reader import Keep, read
 from haptic_sim.scene.drawing import Drawing, drawing_of
+from haptic_sim.scene.geometry import Outline, Vertices
 from haptic_sim.scene.language import Scene, parse
 from haptic_sim.scene.shapes import TOOL
 
 RATE = 60.0  # pictures a second
 MOST = 36_000  # pictures: of what is longer than ten minutes there are fewer a second
 STALE = 0.5  # [s] after which what was said counts no more
+EDGE = 0.005  # [m] that is seen around handle and tool
 AXES = ("x", "y", "theta")
 HANDLE, ENERGY = "handle", "energy"  # in scene/state, beside the solids
 NOT_HELD = sum(
@@ -298,14 +300,24 @@ def _first_contact(run: Run) -> float | None:
 
 
 def _room(places: dict[str, Array], drawing: Drawing | None) -> tuple[float, float, float, float]:
-    """Of the scene, and of everywhere that handle and tool went, with some room around."""
-    seen = np.concatenate([place[np.isfinite(place).all(axis=1), :2] for place in (places[HANDLE], places[TOOL])])
-    outlines = drawing.solids[0].outlines if drawing else ()
-    free = max([0.01, *(math.hypot(*vertex) + radius for vertices, radius in outlines for vertex in vertices)])
-    low, high = seen.min(axis=0) - free, seen.max(axis=0) + free
+    """Of the scene, and of everywhere that handle and tool went."""
+    corners = list(_corners(places[HANDLE], ((0.0, 0.0),), EDGE))
+    for outline in drawing.solids[0].outlines if drawing else [Outline(((0.0, 0.0),))]:
+        corners += _corners(places[TOOL], outline.vertices, outline.radius or EDGE)
     if drawing:
-        low, high = np.minimum(low, drawing.room[:2]), np.maximum(high, drawing.room[2:])
-    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+        corners += [np.reshape(drawing.room, (2, 2))]
+    seen = np.concatenate(corners)
+    (left, bottom), (right, top) = seen.min(axis=0).tolist(), seen.max(axis=0).tolist()
+    return left, bottom, right, top
+
+
+def _corners(place: Array, vertices: Vertices, around: float) -> Iterator[Array]:
+    """Each of these points of a frame at all its poses, with as much around it [m]."""
+    x, y, angle = place[np.isfinite(place).all(axis=1)].T
+    c, s = np.cos(angle), np.sin(angle)
+    for px, py in vertices:
+        point = np.stack([x + c * px - s * py, y + s * px + c * py], 1)
+        yield from (point - around, point + around)
 
 
 def _walls(run: Run) -> list[tuple[float, float, float]]:

@@ -67,6 +67,14 @@ def test_handle_tool_and_moving_bodies_are_where_the_simulation_showed_them(film
     assert "floor" not in film.places
 
 
+def test_the_room_has_the_scene_and_wherever_the_tool_went(film):
+    left, bottom, right, top = film.room
+    scene = film.scene.room
+    assert left <= scene[0] and bottom <= scene[1] and right >= scene[2] and top >= scene[3]
+    far = film.places["tool"] + (1.0, 0.0, 0.0)
+    assert reading._room(film.places | {"tool": far}, film.scene)[2] == pytest.approx(far[:, 0].max() + 0.005)
+
+
 def test_force_stretch_energy_and_age_are_those_of_the_bag(film):
     place = film.places["handle"][:, 0]
     assert film.curves["motor"] == pytest.approx(np.abs(STIFFNESS * 0.01) * np.ones(film.pictures), abs=10.0)

@@ -37,7 +37,7 @@ function draw(now) {
   plots.show(due);
   for (const [id, curve, unit] of [["force", first.curves.felt ? "felt" : "motor", "N"], ["stretch", "stretch", "mm"], ["given", "given", "mJ"], ["age", "age", "ms"]]) {
     const number = first.curve(curve, due);
-    const text = number === null ? "–" : `${number.toFixed(2)} ${unit}`;
+    const text = number === null ? "–" : `${number.toFixed(2)} ${unit}`.replace("-", "−");
     if (byId(id).textContent !== text) byId(id).textContent = text;
   }
 }
@@ -46,7 +46,7 @@ function draw(now) {
 function align() {
   const contact = first.contact !== null && second.contact !== null;
   second.shift = contact ? first.contact - second.contact : first.begin - second.begin;
-  const moved = second.shift.toFixed(2);
+  const moved = second.shift.toFixed(2).replace("-", "−");
   const how = contact ? `Their first contacts are at the same time: the second is moved by ${moved} s.` : "Both begin at the same time.";
   byId("overlaid").append(document.createElement("i"), ` ${second.name}, on top of ${first.name}. ${how}`);
   byId("overlaid").hidden = false;
@@ -58,7 +58,7 @@ function describe() {
   const marks = recordings.flatMap((one) => one.marks.map(([time, text]) => [one.shift + time, recordings.length > 1 ? `${one.name}: ${text}` : text]));
   byId("marks").hidden = !marks.length;
   byId("marks").append(element("span", "Marks:"), ...marks.map(([time, text]) => {
-    const button = element("button", `${time.toFixed(2)} s ${text}`);
+    const button = element("button", `${time.toFixed(2).replace("-", "−")} s ${text}`);
     button.type = "button";
     button.addEventListener("click", () => player.go(time));
     return button;

@@ -32,7 +32,7 @@ export class Player {
   go(time) {
     this.time = Math.min(this.end, Math.max(this.begin, time));
     byId("time").value = this.time;
-    const text = `${this.time.toFixed(2)} s`;
+    const text = `${this.time.toFixed(2).replace("-", "−")} s`;
     byId("time").setAttribute("aria-valuetext", text);
     byId("clock").textContent = `${text} of ${this.end.toFixed(2)} s`;
     this.shown(this.time);
