@@ -2,6 +2,7 @@
 """film.gif: the first contact of a film, or its beginning, for where no page can be shown."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,8 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw
 
 from haptic_device.os_errors import naming
-from haptic_sim.film.reading import HANDLE, Film
-from haptic_sim.scene.geometry import Outline, Pose, turned
+from haptic_sim.film.reading import HANDLE, Array, Film
+from haptic_sim.scene.geometry import Outline, Point, Pose, turned
 from haptic_sim.scene.shapes import TOOL
 
 PERIOD = 0.08  # [s] of a picture, a whole number of the format's hundredths
@@ -75,12 +76,12 @@ class _Drawer:
         film, picture = self._film, self._still.copy()
         draw, places = ImageDraw.Draw(picture), {name: _known(place[number]) for name, place in film.places.items()}
         for solid in film.scene.solids[1:] if film.scene else ():
-            if not solid.fixed and places.get(solid.name):
-                self._solid(draw, solid.outlines, places[solid.name], MOVING)
+            if not solid.fixed and (pose := places.get(solid.name)):
+                self._solid(draw, solid.outlines, pose, MOVING)
         tool, handle = places.get(TOOL), places.get(HANDLE)
         if film.scene and tool:
-            middle = np.mean(film.scene.solids[0].outlines[0].vertices, axis=0)
-            draw.line([self._pixels(tool), self._pixels(turned(tuple(middle), tool))], INK, 2 * FINER)
+            x, y = np.mean(film.scene.solids[0].outlines[0].vertices, axis=0).tolist()
+            draw.line([self._pixels(tool), self._pixels(turned((x, y), tool))], INK, 2 * FINER)
             self._solid(draw, film.scene.solids[0].outlines, tool, TOOL_COLOUR)
         if tool and handle and film.coupled[number]:
             draw.line([self._pixels(handle), self._pixels(tool)], COUPLING, 4 * FINER)
@@ -89,12 +90,12 @@ class _Drawer:
                 self._disc(draw, (x, y), 3.5 * FINER, CONTACT)
                 self._arrow(draw, (x, y), force, CONTACT)
         if handle:
-            self._arrow(draw, handle, film.force[number], FORCE)
+            self._arrow(draw, handle, film.force[number].tolist(), FORCE)
             self._disc(draw, handle, 6 * FINER, HANDLE_COLOUR)
         self._label(draw, number)
         return picture.resize(SIZE, Image.Resampling.BOX)
 
-    def _label(self, draw, number):
+    def _label(self, draw: ImageDraw.ImageDraw, number: int) -> None:
         force = math.hypot(*self._film.force[number])
         felt = f"   {force:.1f} N" if math.isfinite(force) else ""
         draw.text(
@@ -104,11 +105,11 @@ class _Drawer:
             font_size=15 * FINER,
         )
 
-    def _pixels(self, place):
+    def _pixels(self, place: Sequence[float]) -> Point:
         (x, y), (cx, cy), (half_width, half_height) = place[:2], self._middle, self._half
         return half_width + (x - cx) * self._scale, half_height - (y - cy) * self._scale
 
-    def _solid(self, draw, outlines: tuple[Outline, ...], pose: Pose, colour: str):
+    def _solid(self, draw: ImageDraw.ImageDraw, outlines: tuple[Outline, ...], pose: Pose, colour: str) -> None:
         for vertices, radius in outlines:
             corners = [turned(vertex, pose) for vertex in vertices]
             if radius > 0.0:
@@ -116,7 +117,7 @@ class _Drawer:
             else:
                 draw.polygon([self._pixels(corner) for corner in corners], colour, INK, FINER)
 
-    def _wall(self, draw, normal_x: float, normal_y: float, offset: float):
+    def _wall(self, draw: ImageDraw.ImageDraw, normal_x: float, normal_y: float, offset: float) -> None:
         far = 2.0  # m
         foot, along = (normal_x * offset, normal_y * offset), (-normal_y * far, normal_x * far)
         deep = (-normal_x * far, -normal_y * far)
@@ -124,11 +125,11 @@ class _Drawer:
         corners = [*ends, *((x + deep[0], y + deep[1]) for x, y in reversed(ends))]
         draw.polygon([self._pixels(corner) for corner in corners], WALL)
 
-    def _disc(self, draw, place, radius: float, colour: str):
+    def _disc(self, draw: ImageDraw.ImageDraw, place: Sequence[float], radius: float, colour: str) -> None:
         x, y = self._pixels(place)
         draw.ellipse([x - radius, y - radius, x + radius, y + radius], colour, INK, FINER)
 
-    def _arrow(self, draw, place, force, colour: str):
+    def _arrow(self, draw: ImageDraw.ImageDraw, place: Sequence[float], force: Sequence[float], colour: str) -> None:
         size = math.hypot(*force)
         if not size * PER_NEWTON > 1.0:  # nor is one drawn that is no number
             return
@@ -141,5 +142,6 @@ class _Drawer:
         draw.polygon([tip, (back[0] + side[0], back[1] + side[1]), (back[0] - side[0], back[1] - side[1])], colour)
 
 
-def _known(place) -> Pose | None:
-    return tuple(place) if np.isfinite(place).all() else None
+def _known(place: Array) -> Pose | None:
+    x, y, angle = place.tolist()
+    return (x, y, angle) if np.isfinite(place).all() else None

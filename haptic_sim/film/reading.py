@@ -16,7 +16,7 @@ from haptic_device.parameter_types import SECTION
 from haptic_device.recording import load
 from haptic_device.recording.bag_contents import Joints
 from haptic_device.recording.columns import CloudColumns
-from haptic_device.recording.reader import Keep, read
+from haptic_device.recording.reader import Collector, Keep, read
 from haptic_sim.scene.drawing import Drawing, drawing_of
 from haptic_sim.scene.geometry import Outline, Vertices
 from haptic_sim.scene.language import Scene, parse
@@ -162,23 +162,24 @@ class _Seen:
         bag, namespace = run.recording.bag, run.recording.namespace
         self.state = load(bag, namespace, {"scene/state": None}).joints.get("scene/state")
         self.clouds, said = CloudColumns(), Keep()
-        kept = {f"{namespace}/scene/contacts": self.clouds, f"{namespace}/scene": said}
+        kept: dict[str, Collector] = {f"{namespace}/scene/contacts": self.clouds, f"{namespace}/scene": said}
         contents = read(bag, lambda topic, type_name: kept.get(topic))
         self.notes: list[str] = [t.refused for n, t in contents.topics.items() if n in kept and t.refused]
-        self.scene = self._scene_of(run, said.data) if self.state else None
+        self.scene = _scene_of(run, self.state.names, said.data) if self.state else None
 
-    def _scene_of(self, run: Run, messages: list[bytes]) -> Scene | None:
-        """The newest description whose bodies are those of scene/state: as the simulation said it, else as attached."""
-        texts = [_text(message) for message in reversed(messages)]
-        texts += [run.attached(name) for name in reversed(run.recording.attachments) if name.startswith("scene/")]
-        for content in texts:
-            try:
-                scene = parse(content, "scene")
-            except (ValueError, RecursionError):
-                continue
-            if self.state.names[: 3 * (2 + len(scene.bodies))] == tuple(_poses(scene)):
-                return scene
-        return None
+
+def _scene_of(run: Run, names: tuple[str, ...], messages: list[bytes]) -> Scene | None:
+    """The newest description whose bodies are those of scene/state: as the simulation said it, else as attached."""
+    texts = [_text(message) for message in reversed(messages)]
+    texts += [run.attached(name) for name in reversed(run.recording.attachments) if name.startswith("scene/")]
+    for content in texts:
+        try:
+            scene = parse(content, "scene")
+        except (ValueError, RecursionError):
+            continue
+        if names[: 3 * (2 + len(scene.bodies))] == tuple(_poses(scene)):
+            return scene
+    return None
 
 
 def _poses(scene: Scene) -> Iterator[str]:
@@ -285,7 +286,7 @@ def _contacts(run: Run, clock: Clock, clouds: CloudColumns) -> list[tuple[int, f
         return []
     found, near = clock.nearest(np.maximum.accumulate(run.since(np.array(clouds.stamps, np.int64))))
     return [
-        (picture, *(float(row[name]) for name in ("x", "y", "force_x", "force_y")))
+        (picture, float(row["x"]), float(row["y"]), float(row["force_x"]), float(row["force_y"]))
         for picture in np.flatnonzero(near).tolist()
         for row in rows[clouds.begins[found[picture]] : ends[found[picture]]]
         if math.isfinite(sum(row[name] for name in ("x", "y", "force_x", "force_y")))

@@ -2,6 +2,7 @@
 """The film of a recording: what it shows is what the bag has, and the page is one file that fetches nothing."""
 
 import json
+import math
 import re
 from types import SimpleNamespace
 
@@ -9,6 +10,8 @@ import numpy as np
 import pytest
 from bag_of_a_run import STIFFNESS, write_run
 from filmed_bag import EVERY, SCENE, film_bag, rows_of
+from hypothesis import given
+from hypothesis import strategies as st
 from in_process import haptic
 from PIL import Image
 from stored_bags import records_of, write
@@ -143,6 +146,21 @@ def test_the_page_has_every_number_to_the_step_that_it_says(film):
 def test_numbers_that_nobody_knows_are_no_zeros():
     assert pages._packed(np.array([np.nan, 2.0, np.nan, 5.0])) == [None, 2, None, 3]
     assert pages._packed(np.array([np.nan, np.nan])) == [None]
+
+
+@given(st.lists(st.one_of(st.just(math.nan), st.integers(-(10**9), 10**9).map(float)), min_size=1, max_size=30))
+def test_whatever_is_packed_comes_out_as_it_was(numbers):
+    whole, found = 0, []
+    for step in pages._packed(np.array(numbers)):
+        whole += step or 0
+        found.append(math.nan if step is None else whole)
+    assert found == pytest.approx(numbers if len(found) > 1 else numbers[:1], nan_ok=True)
+
+
+@given(st.binary(max_size=40))
+def test_a_description_of_any_bytes_is_json_or_nothing(data):
+    found = reading._text(data)
+    assert found is None or json.dumps(found)
 
 
 def test_walls_of_the_servo_are_those_that_the_driver_had(tmp_path):
