@@ -75,6 +75,7 @@ setup(
     package_data={
         "haptic_device": ["py.typed"],
         "haptic_sim": ["py.typed"],
+        "haptic_sim.film": ["web/*"],
         "haptic_sim.reduction": ["*.csv"],
         "haptic_sim.viewer": ["web/*"],
     },
@@ -87,6 +88,7 @@ setup(
         "mcap>=1.6",
         "numba>=0.68",
         "numpy>=1.26",
+        "pillow>=10.1",
         "psutil>=5.9",
         "pydantic>=2",
         "pymunk>=7",

@@ -35,7 +35,7 @@ import llvmlite.binding
 from haptic_device.process import ending_with_us, held, own_environment, running_module
 
 ROOT = Path(__file__).resolve().parent.parent
-WITHOUT_KERNELS = {"cli", "client.py", "service_requests.py", "supervision", "viewer"}  # no kernel needs them
+WITHOUT_KERNELS = {"cli", "client.py", "film", "service_requests.py", "supervision", "viewer"}  # no kernel needs them
 RECORD = "compiled.json"  # {"entries": those in the cache, "files": {name: checksum}}
 KEPT = 4  # folders; older ones are removed
 ROOM = 32 * 2**20  # bytes that must be free: all kernels take less

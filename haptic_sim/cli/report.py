@@ -9,11 +9,16 @@ import typer
 
 from haptic_device.os_errors import in_words
 
+FILMED = 2  # bags that a film shows
+
 
 def report(
     bags: Annotated[list[Path], typer.Argument(help="Bag folders or .mcap files; several are shown over each other.")],
     out: Annotated[Path | None, typer.Option(help="Folder for page and figures [haptic_reports/TIME].")] = None,
     namespace: Annotated[str | None, typer.Option(help="Where a bag holds several devices.")] = None,
+    film: Annotated[
+        bool, typer.Option("--film", help="Also film.html, which plays one bag or two, and film.gif.")
+    ] = False,
 ) -> None:
     """Write report.html (self-contained, offline) and its figures. What is wrong with a bag is said in it.
 
@@ -24,6 +29,8 @@ def report(
 
     if len(bags) > MOST:
         raise ValueError(f"{len(bags)} bags are given; at most {MOST} stand side by side")
+    if film and len(bags) > FILMED:
+        raise ValueError(f"{len(bags)} bags are given; --film shows at most {FILMED} on top of each other")
     out = out or Path("haptic_reports") / time.strftime("%Y%m%d-%H%M%S")
     runs, left_out = _read(bags, namespace)
     if not runs:
@@ -33,10 +40,24 @@ def report(
     for run in runs:
         print_notes(run.name, run.notes)
     typer.echo(page)
+    if film:
+        _film(runs, out)
     for sentence in said:
         typer.echo(sentence, err=True)
     if said:
         raise typer.Exit(1)
+
+
+def _film(runs, out: Path) -> None:
+    """Writes the film beside the page, and says where."""
+    from haptic_sim.cli.progress import progress
+    from haptic_sim.film.write import write_film
+
+    with progress(len(runs) + 1) as show:
+        written = write_film(runs, out, show)
+        show(len(runs) + 1, "done")
+    for path in written:
+        typer.echo(path)
 
 
 def _read(bags: list[Path], namespace: str | None):

@@ -13,7 +13,11 @@ HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Cache-Control": "no-store",
 }
-
+ALONE = {
+    "Content-Security-Policy": "sandbox allow-scripts; default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
+    "script-src 'unsafe-inline'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+}
+"""For files that hold all they need, of recordings that may be anybody's: an origin of their own, and no way out."""
 
 NOBODY = {4: "192.0.2.1", 6: "2001:db8::1"}  # addresses of documentation: nothing is ever sent there
 

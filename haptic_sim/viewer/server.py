@@ -8,12 +8,13 @@ from pathlib import Path
 
 from aiohttp import web
 
-from haptic_sim.viewer.guard import HEADERS, Guard, reachable
+from haptic_sim.viewer.guard import ALONE, HEADERS, Guard, reachable
 from haptic_sim.viewer.messages import LONGEST
 from haptic_sim.viewer.session import Session, encoded
 
 WEB = Path(__file__).with_name("web")
 TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}  # on any machine
+ALONE_TYPES = {".html": "text/html; charset=utf-8", ".gif": "image/gif"}
 MOST_PAGES = 16
 MOST_CONNECTIONS = 64  # of one address: more than all pages there can be, and what their browsers fetch
 HANDSHAKE = 10.0  # s for a first request, and from one request to the next
@@ -21,11 +22,12 @@ HANDSHAKE = 10.0  # s for a first request, and from one request to the next
 
 class Server:
     """welcome(session) tells a page that has come what there is; do(message, session) does what it asks for; save() is
-    the file of the operating point."""
+    the file of the operating point; recorded(file, names) is a page of recordings, as Recordings.page."""
 
-    def __init__(self, host: str, port: int, welcome, do, save):
+    def __init__(self, host: str, port: int, welcome, do, save, recorded=None):
         self.guard, self.sessions = Guard(host), []
         self._host, self._port, self._welcome, self._do, self._save = host, port, welcome, do, save
+        self._recorded = recorded
         self._files = {path.name: path for path in WEB.iterdir() if path.suffix in TYPES}  # all that can be fetched
         self._runner = self._listener = self._limit = None
 
@@ -34,6 +36,7 @@ class Server:
         app = web.Application(middlewares=[self._guarded])
         app.router.add_get("/{token}/socket", self._open_socket)
         app.router.add_get("/{token}/operating_point.yaml", self._operating_point)
+        app.router.add_get("/{token}/recordings/{file}", self._recording)
         app.router.add_get("/{token}/{name:[^/]*}", self._file)
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, keepalive_timeout=HANDSHAKE)
         await self._runner.setup()
@@ -81,7 +84,8 @@ class Server:
             refusal.headers.update(HEADERS)
             raise
         if not answer.prepared:
-            answer.headers.update(HEADERS)
+            for name, value in HEADERS.items():
+                answer.headers.setdefault(name, value)
         return answer
 
     async def _admitted(self, request, handler):
@@ -94,6 +98,18 @@ class Server:
         if path is None:
             raise web.HTTPNotFound(text=f"there is nothing called {request.match_info['name']}\n")
         return web.FileResponse(path, headers={"Content-Type": f"{TYPES[path.suffix]}; charset=utf-8"})
+
+    async def _recording(self, request):
+        """Also for a page that looks on only: it changes nothing that moves."""
+        try:
+            page = await self._recorded(request.match_info["file"], request.query.getall("bag", []))
+        except LookupError as error:
+            raise web.HTTPNotFound(text=f"{error.args[0]}\n") from None
+        except ValueError as error:
+            raise web.HTTPServiceUnavailable(text=f"{error}\n") from None
+        if isinstance(page, str):
+            return web.Response(text=page, content_type="text/html")
+        return web.FileResponse(page, headers=ALONE | {"Content-Type": ALONE_TYPES[page.suffix]})
 
     async def _operating_point(self, request):
         headers = {"Content-Disposition": 'attachment; filename="operating_point.yaml"'}

@@ -25,12 +25,13 @@ from haptic_device.realtime.scheduling import spare_collections
 from haptic_sim.client import Client
 from haptic_sim.method_registry import AUTO, offered
 from haptic_sim.viewer import settings
-from haptic_sim.viewer.commands import CommandHandler
+from haptic_sim.viewer.commands import RECORDER, CommandHandler
 from haptic_sim.viewer.guard import is_loopback
 from haptic_sim.viewer.markers import MarkerPublisher
-from haptic_sim.viewer.messages import Aim, LetGo, Trigger
+from haptic_sim.viewer.messages import Aim, LetGo, Record, Trigger
 from haptic_sim.viewer.page_words import in_page_words
 from haptic_sim.viewer.parameters import PARAMETERS
+from haptic_sim.viewer.recordings import Recordings
 from haptic_sim.viewer.server import Server
 from haptic_sim.viewer.settings import DRIVER, SIMULATION
 from haptic_sim.viewer.state import State
@@ -50,7 +51,9 @@ class Viewer:
         self._unfelt = {"words": "", "todo": ""}
         self.commands = CommandHandler(client, self.state, (values["hand_speed"], values["hand_turn"]), nodes)
         self._markers = MarkerPublisher(node, values["marker_rate"])
-        self.server = Server(values["host"], values["port"], self._welcome, self._do, self._save)
+        self.recordings = Recordings(self._tell_recordings)
+        given = values["host"], values["port"], self._welcome, self._do, self._save, self.recordings.page
+        self.server = Server(*given)
         self._node, self._values, self._executor = node, values, SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
         self._scene_told, self._state_told, self._status_due, self._leader_told = 0, None, 0.0, None
@@ -66,6 +69,7 @@ class Viewer:
             await self._look_on(told, stop or (lambda: False))
             polling.cancel()
         finally:
+            await self.recordings.pages.stop()
             await self.server.stop()
             self._executor.shutdown()
 
@@ -128,6 +132,7 @@ class Viewer:
 
     def _tell_status(self, now):
         self._status_due = now + STATUS_PERIOD
+        self.recordings.hear(self.state.statuses.get(RECORDER))
         self.server.tell("status", self._status())
 
     async def _poll(self):
@@ -135,11 +140,14 @@ class Viewer:
             with contextlib.suppress(ValueError):
                 await self.commands.poll()
             self.server.tell("values", self._tuning())
+            await self.recordings.scan()
             await asyncio.sleep(POLL_PERIOD)
 
     async def _do(self, message, session):
+        done = self.commands.do(message, session)
         try:
-            sentence = in_page_words(await self.commands.do(message, session))
+            done = self.recordings.during(message.on, done) if isinstance(message, Record) else done
+            sentence = in_page_words(await done)
         except ValueError as refusal:
             raise ValueError(in_page_words(str(refusal))) from None
         if not isinstance(message, Aim | LetGo):
@@ -163,6 +171,10 @@ class Viewer:
         session.tell("scene", self._scene())
         session.tell("values", self._tuning())
         session.tell("status", self._status())
+        session.tell("recordings", self.recordings.news())
+
+    def _tell_recordings(self):
+        self.server.tell("recordings", self.recordings.news())
 
     def _scene(self):
         return asdict(self.state.scene) if self.state.scene else None

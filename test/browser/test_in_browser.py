@@ -5,7 +5,6 @@ import http.client
 import math
 import subprocess
 import time
-from pathlib import Path
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -392,19 +391,6 @@ def test_the_operating_point_is_saved_as_a_file_that_the_check_takes(tab, tmp_pa
     download.value.save_as(path)
     assert "stiffness: 1200.0" in path.read_text()
     assert list(problems(path)) == []
-
-
-def test_recording_starts_takes_a_mark_and_stops(system, tab):
-    tab.until("!document.getElementById('record').disabled")
-    tab.page.click("#record")
-    tab.until("document.getElementById('record').getAttribute('aria-pressed') == 'true'")
-    tab.page.fill("#mark_text", "here")
-    tab.page.click("#mark")
-    tab.until_text("record_answer", "mark set: here")
-    tab.page.click("#record")
-    tab.until_text("record_answer", "the bag is closed")
-    [bag] = Path(system.folder).glob("haptic_bags/*")
-    assert (bag / "metadata.yaml").is_file()
 
 
 @pytest.mark.parametrize("size", ((1280, 720), (390, 844)), ids=("desk", "phone"))

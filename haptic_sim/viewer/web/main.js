@@ -7,6 +7,7 @@ import { driverOf, showHealth } from "./health.js";
 import { layered } from "./layer.js";
 import { Link } from "./link.js";
 import { Panels, shown, stretch } from "./panels.js";
+import { RecordingPanel } from "./recording.js";
 import { forgetUnsent, forgetWhenEdited } from "./refusals.js";
 import { SceneView } from "./scene.js";
 import { Strip } from "./strips.js";
@@ -32,6 +33,7 @@ const tuning = new Tuning(byId("sliders"), (name, value) => {
 });
 const panels = new Panels(link);
 const fault = new Banner(byId("fault"), () => link.say({ do: "mend" }));
+const recording = new RecordingPanel(link);
 const tone = new Tone(byId("tone"));
 const hand = new Hand(view, byId("hold"), lead, () => link.say({ do: "let_go" }));
 const strips = [
@@ -67,6 +69,7 @@ function take(kind, content) {
   else if (kind === "values") showValues(content);
   else if (kind === "status") showStatus(content);
   else if (kind === "leader") showLeader(content);
+  else if (kind === "recordings") recording.show(content);
   else if (kind === "hint") hint(content);
   else if (kind === "answer") answered(content);
 }
@@ -91,7 +94,6 @@ function showStatus(news) {
   showHealth(status, tuningNews);
   fault.show(status.trouble);
   view.unfelt = status.unfelt.words;
-  panels.showRecorder(news);
 }
 
 function showLeader(who) {
@@ -100,7 +102,7 @@ function showLeader(who) {
 }
 
 function answered(answer) {
-  if (panels.answered(answer)) return;
+  if (panels.answered(answer) || recording.answered(answer)) return;
   if (answer.to.do === "mend") fault.answered(answer);
   else if (answer.to.do === "set") tuning.answered(answer);
   else if (!answer.done || answer.to.service === "estop") hint(answer.sentence);

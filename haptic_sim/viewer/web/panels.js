@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scene, exchange, recording: what they show and what they ask for.
+// Scene and exchange: what they show and what they ask for.
 
 import { element, limits, slider } from "./tuning.js";
 
@@ -9,8 +9,6 @@ export class Panels {
     this.select("scene_name", (name) => this.ask("scene_answer", "loading", { do: "scene", name }));
     this.select("method_name", (name) => this.ask("scene_answer", "loading", { do: "method", name }));
     this.press("start_scene", () => this.ask("scene_answer", "going back", { do: "start_scene" }));
-    this.press("mark", () => link.say({ do: "mark", text: byId("mark_text").value || "mark" }));
-    this.press("record", () => link.say({ do: "record", on: byId("record").getAttribute("aria-pressed") !== "true" }));
     this.offered = "";
   }
 
@@ -83,18 +81,9 @@ export class Panels {
     return row;
   }
 
-  showRecorder(status) {
-    const recorder = status.nodes.haptic_recorder;
-    const on = recorder?.message.startsWith("recording") ?? false;
-    const button = byId("record");
-    button.disabled = !recorder;
-    button.textContent = !recorder ? "No recorder runs" : on ? "Stop recording" : "Record";
-    button.setAttribute("aria-pressed", String(on));
-  }
-
   answered({ to, done, sentence }) {
-    const place = { scene: "scene_answer", method: "scene_answer", start_scene: "scene_answer", mark: "record_answer",
-      record: "record_answer", restart: "restart_answer" }[to.do];
+    const place = { scene: "scene_answer", method: "scene_answer", start_scene: "scene_answer",
+      restart: "restart_answer" }[to.do];
     if (place) say(place, sentence, done);
     if (to.do === "restart" && !done) this.offered = ""; // back to how it is
     return Boolean(place);

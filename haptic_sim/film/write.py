@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writes the film of one run, or of two on top of each other."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from haptic_device.analysis.report.run import Run
+from haptic_device.os_errors import naming
+from haptic_sim.film.gif import write_gif
+from haptic_sim.film.page import page_of
+from haptic_sim.film.reading import film_of
+
+
+def write_film(runs: list[Run], folder: Path, show: Callable[[int, str], None] = lambda done, what: None) -> list[Path]:
+    """Writes film.html of one run or two, and film.gif of the first; their paths. show(films read, what is next).
+
+    Raises ValueError for a run of which nothing can be seen.
+    """
+    films = []
+    for number, run in enumerate(runs):
+        show(number, f"reading {run.name}")
+        films.append(film_of(run))
+    page, picture = folder / "film.html", folder / "film.gif"
+    folder.mkdir(parents=True, exist_ok=True)
+    show(len(runs), "drawing the film")
+    text = page_of(films)
+    with naming(page):
+        page.write_text(text, encoding="utf-8")
+    write_gif(films[0], picture)
+    return [page, picture]

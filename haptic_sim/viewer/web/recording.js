@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+// Recording: what the recorder does, where the bag is, and its report and replay, which open in a tab of their own.
+
+import { say } from "./panels.js";
+import { element } from "./tuning.js";
+
+const byId = (id) => document.getElementById(id);
+
+export class RecordingPanel {
+  constructor(link) {
+    this.link = link;
+    this.news = { state: "no recorder", seconds: 0, bag: "", name: "", bags: [] };
+    this.chosen = new Set();
+    this.listed = "";
+    byId("record").addEventListener("click", () => this.press());
+    byId("mark").addEventListener("click", () => link.say({ do: "mark", text: byId("mark_text").value || "mark" }));
+    byId("bag_path").addEventListener("focus", () => byId("bag_path").select());
+    setInterval(() => this.showClock(), 250);
+  }
+
+  // Answered by the state at once; the viewer's own news follow.
+  press() {
+    const on = this.news.state !== "recording";
+    say("record_answer", "", true);
+    this.showState(on ? "starting" : "saving");
+    this.link.say({ do: "record", on });
+  }
+
+  show(news) {
+    this.news = news;
+    this.heard = performance.now();
+    this.showState(news.state);
+    this.showSaved();
+    this.showBags();
+  }
+
+  showState(state) {
+    const button = byId("record");
+    const on = state === "recording" || state === "saving";
+    button.disabled = ["no recorder", "starting", "saving"].includes(state);
+    button.textContent = state === "no recorder" ? "No recorder runs" : on ? "Stop recording" : "Record";
+    button.setAttribute("aria-pressed", String(on));
+    put("record_state", state === "no recorder" ? "" : state);
+    this.showClock();
+  }
+
+  // Minutes and seconds that it has recorded.
+  showClock() {
+    const { state, seconds } = this.news;
+    const passed = Math.floor(seconds + (performance.now() - this.heard) / 1e3);
+    put("record_clock", state === "recording" ? clock(passed) : "");
+  }
+
+  showSaved() {
+    const { state, bag, name } = this.news;
+    byId("saved").hidden = !bag || ["starting", "recording", "saving"].includes(state);
+    if (byId("bag_path").value === bag && byId("saved").dataset.name === name) return;
+    byId("bag_path").value = bag;
+    byId("saved").dataset.name = name;
+    byId("saved_links").replaceChildren(...(name ? links([name]) : []));
+  }
+
+  showBags() {
+    const { bags } = this.news;
+    byId("earlier").hidden = !bags.length;
+    const told = JSON.stringify(bags);
+    if (told === this.listed) return;
+    this.listed = told;
+    put("bag_count", String(bags.length));
+    const there = new Set(bags.map(({ name }) => name));
+    this.chosen = new Set([...this.chosen].filter((name) => there.has(name)));
+    byId("bags").replaceChildren(...bags.map((bag) => this.row(bag)));
+    this.showPair();
+  }
+
+  row({ name, seconds, size }) {
+    const box = element("input", { type: "checkbox", checked: this.chosen.has(name) });
+    box.addEventListener("change", () => {
+      if (box.checked) this.chosen.add(name);
+      else this.chosen.delete(name);
+      this.showPair();
+    });
+    const length = seconds === null ? "not closed" : clock(Math.round(seconds));
+    const label = element("label");
+    label.append(box, `${name}, ${length}, ${(size / 1e6).toFixed(1)} MB`);
+    const item = element("li");
+    item.append(label, ...links([name]));
+    return item;
+  }
+
+  showPair() {
+    const two = this.chosen.size === 2;
+    byId("pair").hidden = !two;
+    byId("pair_note").hidden = two;
+    byId("pair").replaceChildren(...(two ? [page("Replay both", "film.html", [...this.chosen])] : []));
+  }
+
+  answered({ to, done, sentence }) {
+    if (to.do !== "mark" && to.do !== "record") return false;
+    say("record_answer", to.do === "record" && done ? "" : sentence, done);
+    if (!done) this.showState(this.news.state);
+    return true;
+  }
+}
+
+function links(names) {
+  return [page("Report", "report.html", names), page("Replay", "film.html", names)];
+}
+
+function page(text, file, names) {
+  const given = names.map((name) => `bag=${encodeURIComponent(name)}`).join("&");
+  const link = element("a", { className: "button", textContent: text, href: `recordings/${file}?${given}`, target: "_blank", rel: "noopener" });
+  link.setAttribute("aria-label", `${text}: ${names.join(" and ")} (new tab)`);
+  return link;
+}
+
+function clock(seconds) {
+  return `${Math.floor(seconds / 60)}:${String(seconds % 60).padStart(2, "0")}`;
+}
+
+function put(id, text) {
+  if (byId(id).textContent !== text) byId(id).textContent = text;
+}

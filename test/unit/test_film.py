@@ -1,0 +1,275 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The film of a recording: what it shows is what the bag has, and the page is one file that fetches nothing."""
+
+import json
+import math
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from bag_of_a_run import STIFFNESS, write_run
+from filmed_bag import EVERY, SCENE, film_bag, rows_of
+from hypothesis import given
+from hypothesis import strategies as st
+from in_process import haptic
+from PIL import Image
+from stored_bags import records_of, write
+
+from haptic_device.analysis.report.reading import read_run
+from haptic_sim.film import page as pages
+from haptic_sim.film import reading
+from haptic_sim.film.gif import PERIOD, SECONDS, pictures_of
+from haptic_sim.film.page import page_of
+from haptic_sim.film.reading import Clock, film_of
+from haptic_sim.film.write import write_film
+
+TICKS = 6000  # 1.5 s
+HOSTILE = "</script><img src=x onerror=alert(1)>"
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    marks = [(1000, "here"), (4000, HOSTILE)]
+    return film_bag(tmp_path_factory.mktemp("filmed") / "swing", rows_of(TICKS), marks=marks)
+
+
+@pytest.fixture(scope="module")
+def film(bag):
+    return film_of(read_run(bag))
+
+
+def told(text):
+    """What a page was given to show."""
+    return json.loads(re.search(r'id="films">(.*?)</script>', text, re.S)[1])
+
+
+def unpacked(column, step):
+    return step * np.cumsum(column)
+
+
+def test_a_second_of_a_recording_is_sixty_pictures(film):
+    assert film.rate == 60.0 and film.pictures == 90
+
+
+def test_what_is_longer_than_ten_minutes_has_fewer_pictures_a_second():
+    assert len(Clock(0.0, 599.0).times) == 599 * 60 + 1
+    assert len(Clock(-1.0, 5999.0).times) == reading.MOST + 1
+
+
+def test_handle_tool_and_moving_bodies_are_where_the_simulation_showed_them(film):
+    time = film.begin + np.arange(film.pictures) / film.rate
+    swung, late = 0.01 * np.sin(20 * time), 0.2 * EVERY * 0.25e-3
+    for name, (x, y, angle) in {
+        "handle": (0.0, 0.0, 0.0),
+        "tool": (0.0, 0.001, 0.0),
+        "block": (0.03, 0.0, 0.5),
+    }.items():
+        assert np.abs(film.places[name][:, 0] - swung - x).max() < late
+        assert np.ptp(film.places[name][:, 1:] - (y, angle)) == pytest.approx(0.0)
+    assert "floor" not in film.places
+
+
+def test_the_room_has_the_scene_and_wherever_the_tool_went(film):
+    left, bottom, right, top = film.room
+    scene = film.scene.room
+    assert left <= scene[0] and bottom <= scene[1] and right >= scene[2] and top >= scene[3]
+    far = film.places["tool"] + (1.0, 0.0, 0.0)
+    assert reading._room(film.places | {"tool": far}, film.scene)[2] == pytest.approx(far[:, 0].max() + 0.005)
+
+
+def test_force_stretch_energy_and_age_are_those_of_the_bag(film):
+    place = film.places["handle"][:, 0]
+    assert film.curves["motor"] == pytest.approx(np.abs(STIFFNESS * 0.01) * np.ones(film.pictures), abs=10.0)
+    assert np.corrcoef(film.force[:, 0], place)[0, 1] > 0.9, "the model feels the opposite of the motor's force on it"
+    assert film.curves["stretch"] == pytest.approx(1.0)
+    assert film.curves["age"] == pytest.approx(1.5) and film.curves["oldest"] == pytest.approx(1.5)
+    assert film.curves["given"][-1] == pytest.approx(-TICKS / 4, rel=0.02)
+    assert film.curves["supplied"][-1] == pytest.approx(2 * TICKS / EVERY, rel=0.02)
+
+
+def test_contacts_are_in_the_pictures_in_which_they_were(film):
+    pictures = {picture for picture, *_ in film.contacts}
+    assert set(range(31, 36)) <= pictures <= set(range(30, 37)), "from 0.5 s to 0.6 s"
+    assert film.contacts[0][2:] == pytest.approx((-0.004, 0.0, 1.5))
+    assert film.first_contact == pytest.approx(0.5, abs=1e-3)
+
+
+def test_what_the_scene_showed_before_the_first_tick_is_in_the_film(tmp_path):
+    rows = rows_of(6000)
+    rows["engage"][:2000] = 0.0
+    film = film_of(read_run(film_bag(tmp_path / "late", rows, marks=[(400, "before")])))
+    assert film.begin == pytest.approx(-0.5, abs=0.02) and film.pictures == 90
+    assert film.marks == [(pytest.approx(-0.4), "before")]
+    swung = 0.01 * np.sin(20 * (0.5 + film.begin + np.arange(film.pictures) / film.rate))
+    assert np.abs(film.places["handle"][:, 0] - swung).max() < 0.2 * EVERY * 0.25e-3
+    assert np.isnan(film.curves["motor"][:25]).all() and np.isfinite(film.curves["motor"][35:]).all()
+
+
+def test_marks_have_the_times_of_the_report(film):
+    assert [(round(at, 3), text) for at, text in film.marks] == [(0.25, "here"), (1.0, HOSTILE)]
+
+
+def test_a_bag_without_a_scene_shows_handle_and_force_and_says_what_is_missing(tmp_path):
+    film = film_of(read_run(write_run(tmp_path / "driver", rows_of(2000))))
+    assert film.scene is None and film.notes[0].startswith("the scene was not recorded")
+    assert np.ptp(film.places["handle"][:, 0]) > 0.01 and np.isfinite(film.curves["motor"]).all()
+    assert "scene was not recorded" in page_of([film])
+
+
+def test_a_scene_that_nothing_describes_is_said_to_be_missing(tmp_path):
+    film = film_of(read_run(film_bag(tmp_path / "bare", rows_of(2000), scene=None)))
+    assert film.scene is None and "does not describe the scene" in film.notes[0]
+
+
+def test_a_bag_without_a_trace_is_shown_by_its_topics(tmp_path):
+    rows = rows_of(2000)
+    film = film_of(read_run(film_bag(tmp_path / "run", rows)))
+    bare = film_bag(tmp_path / "bare", rows)
+    file = next(bare.glob("*.mcap"))
+    messages, attachments = records_of(file)
+    write(file, [one for one in messages if one[1].topic != "/haptic/trace"], attachments)
+    topics = film_of(read_run(bare))
+    assert np.isfinite(topics.places["tool"]).all() and topics.pictures == pytest.approx(film.pictures, abs=2)
+    assert any("no trace" in note for note in topics.notes)
+
+
+def test_the_page_has_every_number_to_the_step_that_it_says(film):
+    [shown] = told(page_of([film]))
+    x, _, angle = shown["places"]["handle"]
+    assert np.abs(unpacked(x, 1e-5) - film.places["handle"][:, 0]).max() <= 0.5e-5 + 1e-12
+    assert unpacked(shown["places"]["block"][2], 1e-4) == pytest.approx(0.5)
+    assert np.abs(unpacked(shown["force"][0], 1e-2) - film.force[:, 0]).max() <= 0.5e-2 + 1e-9
+    assert len(angle) == film.pictures
+
+
+def test_numbers_that_nobody_knows_are_no_zeros():
+    assert pages._packed(np.array([np.nan, 2.0, np.nan, 5.0])) == [None, 2, None, 3]
+    assert pages._packed(np.array([np.nan, np.nan])) == [None]
+
+
+@given(st.lists(st.one_of(st.just(math.nan), st.integers(-(10**9), 10**9).map(float)), min_size=1, max_size=30))
+def test_whatever_is_packed_comes_out_as_it_was(numbers):
+    whole, found = 0, []
+    for step in pages._packed(np.array(numbers)):
+        whole += step or 0
+        found.append(math.nan if step is None else whole)
+    assert found == pytest.approx(numbers if len(found) > 1 else numbers[:1], nan_ok=True)
+
+
+@given(st.binary(max_size=40))
+def test_a_description_of_any_bytes_is_json_or_nothing(data):
+    found = reading._text(data)
+    assert found is None or json.dumps(found)
+
+
+def test_walls_of_the_servo_are_those_that_the_driver_had(tmp_path):
+    bag = film_bag(tmp_path / "run", rows_of(1000))
+    [file] = bag.glob("*.mcap")
+    messages, attachments = records_of(file)
+    for walls, wanted in (("[0.0, 1.0]", [(0.0, 1.0, -0.05)]), ("[0.0]", []), ("here", []), ("[.nan, 1.0]", [])):
+        given = f"/haptic/haptic_driver:\n  ros__parameters:\n    wall.normals: {walls}\n    wall.offsets: [-0.05]\n"
+        one = SimpleNamespace(
+            create_time=1, log_time=1, name="parameters/haptic_driver.yaml", media_type="", data=given.encode()
+        )
+        write(file, messages, [*attachments, one])
+        film = film_of(read_run(bag))
+        assert film.walls == wanted and page_of([film])
+
+
+def test_a_minute_stays_below_two_megabytes(tmp_path):
+    rows = rows_of(3000)
+    film = film_of(read_run(film_bag(tmp_path / "run", rows)))
+    repeat = 3600 // film.pictures + 1
+    rng = np.random.default_rng(1)
+
+    def longer(column):
+        return np.concatenate([column + rng.normal(scale=1e-3, size=column.shape) for _ in range(repeat)])
+
+    places = {name: longer(place) for name, place in film.places.items()}
+    curves = {name: longer(curve) for name, curve in film.curves.items()}
+    places |= {f"body {i}": places["block"] for i in range(6)}
+    long = film._replace(places=places, curves=curves, force=longer(film.force), coupled=np.tile(film.coupled, repeat))
+    assert long.pictures >= 3600 and len(page_of([long]).encode()) < 2e6
+
+
+def test_the_page_is_one_file_that_fetches_nothing(film):
+    text = page_of([film._replace(marks=[])])
+    assert not re.search(r"https?://|(?:src|href)=|@import|url\(|\bimport\b.*\bfrom\b|^export ", text, re.M)
+    policy = re.search(r'Security-Policy" content="([^"]*)"', text)[1]
+    assert policy.startswith("default-src 'none'") and "unsafe" not in policy
+
+
+def test_a_hostile_scene_stays_text(tmp_path):
+    scene = SCENE | {"name": HOSTILE, "description": HOSTILE}
+    text = page_of([film_of(read_run(film_bag(tmp_path / "run", rows_of(1000), scene, marks=[(10, HOSTILE)])))])
+    assert "<img" not in text and text.count("<script") == text.count("</script>") == 2
+    assert told(text)[0]["scene"]["name"] == HOSTILE
+
+
+def test_a_line_of_a_module_that_cannot_be_inlined_is_refused(monkeypatch):
+    monkeypatch.setattr(pages, "_text", lambda name: 'import * as pen from "./pen.js";\n')
+    with pytest.raises(ValueError, match=r"film.js: a film cannot take the line 'import \* as pen"):
+        list(pages._modules("film.js", set()))
+
+
+def test_each_module_is_there_once_behind_what_it_imports(monkeypatch):
+    texts = {
+        "a.js": 'import { b } from "./b.js";\nimport { c } from "./c.js";\nb(c);\n',
+        "b.js": 'import { c } from "./c.js";\nexport function b() {}\n',
+        "c.js": "export const c = 1;\n",
+    }
+    monkeypatch.setattr(pages, "_text", texts.__getitem__)
+    heads = [part.splitlines()[0] for part in pages._modules("a.js", set())]
+    assert heads == ["const { c } = (() => {", "const { b } = (() => {", "const {  } = (() => {"]
+
+
+@pytest.mark.parametrize("seconds, wanted", [(1.0, 13), (5.76, 72), (60.0, 72)])
+def test_the_gif_has_at_most_six_seconds_in_real_time(film, seconds, wanted):
+    count = round(seconds * 60) + 1
+    long = film._replace(coupled=np.ones(count, bool), first_contact=None)
+    chosen = pictures_of(long)
+    assert len(chosen) == wanted and chosen[-1] < count and PERIOD * len(chosen) <= SECONDS + 1e-9 <= 6.0
+    assert set(np.diff(chosen)) <= {4, 5, 6}
+
+
+def test_the_gif_of_a_long_film_begins_a_second_before_the_first_contact(film):
+    long = film._replace(coupled=np.ones(3600, bool), first_contact=30.0)
+    assert pictures_of(long)[0] == 29 * 60
+
+
+def test_the_gif_moves_and_is_small(bag, tmp_path):
+    page, gif = write_film([read_run(bag)], tmp_path)
+    with Image.open(gif) as picture:
+        assert picture.n_frames == len(pictures_of(film_of(read_run(bag))))
+        assert {picture.info["duration"] for n in range(picture.n_frames) if picture.seek(n) is None} == {80}
+        assert picture.info.get("loop") == 0
+    assert page.name == "film.html" and gif.stat().st_size < 3e6
+
+
+def test_the_command_names_what_it_wrote(bag, tmp_path):
+    done = haptic("report", bag, "--film", "--out", tmp_path / "out")
+    assert done.returncode == 0
+    names = [line.rpartition("/")[2] for line in done.stdout.splitlines()]
+    assert names == ["report.html", "film.html", "film.gif"]
+    assert all((tmp_path / "out" / name).is_file() for name in names) and "2/2 done" in done.stderr
+
+
+@pytest.mark.parametrize("kind", ("no bag", "empty", "three"))
+def test_what_cannot_be_filmed_is_refused_in_one_sentence(kind, bag, tmp_path):
+    (tmp_path / "empty").mkdir()
+    given = {"no bag": [tmp_path / "none"], "empty": [tmp_path / "empty"], "three": [bag, bag, bag]}[kind]
+    said = {"no bag": "does not exist", "empty": "holds no .mcap file", "three": "--film shows at most 2"}[kind]
+    done = haptic("report", *given, "--film", "--out", tmp_path / "out")
+    assert done.returncode == 1 and said in done.stderr and len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_bag_that_is_cut_off_is_shown_as_far_as_it_goes_and_says_so(bag, tmp_path):
+    short = tmp_path / "short"
+    short.mkdir()
+    [file] = bag.glob("*.mcap")
+    data = file.read_bytes()
+    (short / "short_0.mcap").write_bytes(data[: len(data) * 2 // 3])
+    film = film_of(read_run(short))
+    assert 1 < film.pictures < 90 and film.notes

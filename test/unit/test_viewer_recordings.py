@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings on the page, without nodes: the recorder's states, the bags that are listed, the files that are given."""
+
+import asyncio
+import os
+import time
+
+import aiohttp
+import psutil
+import pytest
+from bag_of_a_run import swing, write_run
+from filmed_bag import film_bag, rows_of
+from yarl import URL
+
+from haptic_device.status import Status
+from haptic_sim.viewer.bag_pages import BagPages
+from haptic_sim.viewer.recordings import Recordings
+from haptic_sim.viewer.server import Server
+
+pytestmark = pytest.mark.timeout(300)
+LIMIT = 120.0  # [s] that anything is waited for
+
+
+@pytest.fixture
+def news(tmp_path, monkeypatch):
+    """Recordings of an empty folder; `told` is what they said, each time that it was something else."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "haptic_bags").mkdir()
+    told = []
+    recordings = Recordings(lambda: told.append(recordings.news()))
+    recordings.told = told
+    return recordings
+
+
+def said(message, later=1):
+    """A status of the recorder, so many seconds after now."""
+    return Status(time.time_ns() + later * 10**9, 0, message, {})
+
+
+async def answer(sentence):
+    await asyncio.sleep(0)
+    if isinstance(sentence, Exception):
+        raise sentence
+    return sentence
+
+
+def states(recordings):
+    return [one["state"] for one in recordings.told]
+
+
+def test_a_recording_that_the_page_asks_for_is_starting_recording_saving_saved(news, tmp_path):
+    async def run():
+        news.hear(said("not recording"))
+        await news.during(True, answer("recording"))
+        news.hear(said("not recording", -5))
+        news.hear(said(f"recording to {tmp_path}/haptic_bags/one"))
+        write_run(tmp_path / "haptic_bags" / "one", swing(80))
+        await news.during(False, answer("the bag is closed"))
+        news.hear(said(f"recording to {tmp_path}/haptic_bags/one", -5))
+
+    asyncio.run(run())
+    assert list(dict.fromkeys(states(news))) == ["ready", "starting", "recording", "saving", "saved"]
+    last = news.told[-1]
+    assert last["bag"] == str(tmp_path / "haptic_bags/one") and last["name"] == "one"
+
+
+def test_a_recording_shorter_than_the_recorders_silence_is_found_in_the_folder(news, tmp_path):
+    async def run():
+        await news.during(True, answer("recording"))
+        write_run(tmp_path / "haptic_bags" / "short", swing(80))
+        await news.during(False, answer("the bag is closed"))
+
+    asyncio.run(run())
+    assert news.told[-1]["name"] == "short"
+
+
+def test_a_refusal_leaves_the_state_as_it_was(news):
+    async def run():
+        news.hear(said("not recording"))
+        with pytest.raises(ValueError, match="disk"):
+            await news.during(True, answer(ValueError("the disk is full")))
+
+    asyncio.run(run())
+    assert states(news) == ["ready", "starting", "ready"]
+
+
+def test_a_recorder_that_somebody_else_switches_is_followed(news, tmp_path):
+    for message in (None, "not recording", f"recording to {tmp_path}/else/one/bag", "not recording", None):
+        news.hear(message and said(message))
+    assert states(news) == ["no recorder", "ready", "recording", "saved", "no recorder"]
+    assert news.folder == tmp_path / "else"
+
+
+def test_bags_of_the_folder_are_listed_the_newest_first(news, tmp_path):
+    folder = tmp_path / "haptic_bags"
+    write_run(folder / "old", swing(400))
+    write_run(folder / "new" / "bag", swing(80))
+    (write_run(folder / "cut", swing(80)) / "metadata.yaml").unlink()
+    (folder / "no bag").mkdir()
+    (folder / "link").symlink_to(folder / "old")
+    for age, name in enumerate(("new/bag", "cut", "old")):
+        os.utime(folder / name, (1e9 - age, 1e9 - age))
+    asyncio.run(news.scan())
+    bags = news.news()["bags"]
+    assert [bag["name"] for bag in bags] == ["new", "cut", "old"]
+    assert bags[1]["seconds"] is None and bags[2]["seconds"] == pytest.approx(0.1, abs=0.01) and bags[0]["size"] > 0
+
+
+def served(recordings, visit):
+    async def live():
+        server = Server("127.0.0.1", 0, lambda page: None, None, None, recordings.page)
+        await server.start()
+        async with aiohttp.ClientSession() as http:
+            try:
+                return await asyncio.wait_for(visit(server, http), LIMIT)
+            finally:
+                await recordings.pages.stop()
+                await server.stop()
+
+    return asyncio.run(live())
+
+
+async def got(http, address):
+    async with http.get(URL(address, encoded=True)) as answer:
+        return answer.status, dict(answer.headers), await answer.text()
+
+
+async def made(http, address):
+    """The first answer that is no page which says that it is being made."""
+    while True:
+        status, headers, text = await got(http, address)
+        if "Making the" not in text:
+            return status, headers, text
+        assert 'http-equiv="refresh"' in text
+        await asyncio.sleep(0.2)
+
+
+def test_a_page_that_looks_on_only_opens_report_and_replay_which_say_that_they_are_being_made(news, tmp_path):
+    film_bag(tmp_path / "haptic_bags" / "swing", rows_of(2000))
+
+    async def visit(server, http):
+        await news.scan()
+        base = server.address(False)
+        first = await got(http, f"{base}recordings/film.html?bag=swing")
+        return first, [await made(http, f"{base}recordings/{name}?bag=swing") for name in ("film.html", "report.html")]
+
+    first, pages = served(news, visit)
+    assert first[0] == 200 and "Making the replay" in first[2]
+    for (status, headers, text), title in zip(pages, ("Replay: swing", "Haptic display"), strict=True):
+        assert status == 200 and title in text
+        policy = headers["Content-Security-Policy"]
+        assert policy.startswith("sandbox allow-scripts; default-src 'none'"), "its scripts reach no page of the viewer"
+
+
+def test_only_bags_of_the_folder_and_files_that_were_made_are_given(news, tmp_path):
+    write_run(tmp_path / "haptic_bags" / "one", swing(80))
+    write_run(tmp_path / "outside", swing(80))
+    (tmp_path / "haptic_reports").mkdir()
+    (tmp_path / "haptic_reports" / "secret.html").write_text("secret")
+
+    async def visit(server, http):
+        await news.scan()
+        wrong = [
+            "bag=../outside",
+            "bag=..%2Foutside",
+            f"bag={tmp_path}/outside",
+            "bag=",
+            "bag=.",
+            "",
+            "bag=one%00",
+        ]
+        asked = [f"recordings/report.html?{words}" for words in wrong]
+        asked += ["recordings/report.html?bag=one&bag=one&bag=one", "recordings/secret.html?bag=one"]
+        asked += ["recordings/..%2F..%2Fsecret.html?bag=one", "recordings/..%2freport.html?bag=one", "recordings/"]
+        answers = [await got(http, f"{server.address(True)}{path}") for path in asked]
+        stranger = f"{server.address(True)[:-6]}AAAAA/recordings/report.html?bag=one"
+        return asked, answers, await got(http, stranger)
+
+    asked, answers, stranger = served(news, visit)
+    assert {path: status for path, (status, _, _) in zip(asked, answers, strict=True)} == dict.fromkeys(asked, 404)
+    assert all("secret" not in text or "nothing called" in text for _, _, text in answers)
+    assert stranger[0] == 403
+    assert not list((tmp_path / "haptic_reports").glob("*/*"))
+
+
+def test_what_cannot_be_made_is_said_in_a_sentence_and_tried_again(news, tmp_path):
+    bag = tmp_path / "haptic_bags" / "broken"
+    bag.mkdir()
+    (bag / "broken_0.mcap").write_bytes(b"no bag")
+
+    async def visit(server, http):
+        await news.scan()
+        address = f"{server.address(True)}recordings/film.html?bag=broken"
+        return await made(http, address), await got(http, address)
+
+    (status, _, text), again = served(news, visit)
+    assert status == 503 and text.startswith("the replay could not be made: ") and len(text.splitlines()) == 1
+    assert again[0] == 200 and "Making the replay" in again[2]
+
+
+def test_four_pages_are_waited_for_and_a_fifth_is_refused(tmp_path):
+    bags = [film_bag(tmp_path / f"bag{number}", rows_of(1000)) for number in range(5)]
+
+    async def run():
+        pages = BagPages(tmp_path / "pages")
+        try:
+            for bag in bags[:4]:
+                assert "Making the" in await pages.page("film.html", [bag], bag.name)
+            with pytest.raises(ValueError, match="4 reports wait to be made already"):
+                await pages.page("film.html", bags[4:], "bag4")
+            assert "Making the" in await pages.page("film.gif", bags[:1], "bag0"), "it is the same making"
+        finally:
+            await pages.stop()
+
+    asyncio.run(run())
+
+
+def test_the_process_that_makes_a_page_ends_with_the_viewer(tmp_path):
+    async def run():
+        pages = BagPages(tmp_path / "pages")
+        assert "Making the report" in await pages.page(
+            "report.html", [film_bag(tmp_path / "one", rows_of(2000))], "one"
+        )
+        [process] = psutil.Process().children()
+        await pages.stop()
+        return process.is_running()
+
+    assert not asyncio.run(run())
