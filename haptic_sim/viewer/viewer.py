@@ -30,6 +30,7 @@ from haptic_sim.viewer.guard import is_loopback
 from haptic_sim.viewer.markers import MarkerPublisher
 from haptic_sim.viewer.messages import Aim
 from haptic_sim.viewer.parameters import PARAMETERS
+from haptic_sim.viewer.passive_range import PassiveRanges
 from haptic_sim.viewer.server import Server
 from haptic_sim.viewer.settings import DRIVER
 from haptic_sim.viewer.state import State
@@ -46,7 +47,8 @@ class Viewer:
         self.state, self._nodes = State(client), nodes
         self.commands = CommandHandler(client, self.state, (values["hand_speed"], values["hand_turn"]), nodes)
         self._markers = MarkerPublisher(node, values["marker_rate"])
-        self.server = Server(values["host"], values["port"], self._welcome, self._do, self._save)
+        self.server = Server(values["host"], values["port"], self._welcome, self._do, self._save, self.commands.load)
+        self._ranges = PassiveRanges(self.state)
         self._node, self._values, self._executor = node, values, SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
         self._scene_told, self._state_told, self._status_due = 0, None, 0.0
@@ -103,6 +105,7 @@ class Viewer:
         while True:
             with contextlib.suppress(ValueError):
                 await self.commands.poll()
+            await self._ranges.follow(self.commands.device, self.commands.values.get(DRIVER, {}))
             self.server.tell("values", self._tuning())
             await asyncio.sleep(POLL_PERIOD)
 
@@ -137,12 +140,13 @@ class Viewer:
         return settings.walls(self.commands.values.get(DRIVER, {})), self.commands.workspace
 
     def _tuning(self):
-        device, (walls, workspace) = self.commands.device, self._surroundings()
+        device = self.commands.device
         return {
             "values": self.commands.values,
             "offer": self._nodes.offer() if self._nodes else {},
-            "walls": walls,
-            "workspace": workspace,
+            "began": self.commands.began,
+            "passive": self._ranges.found,
+            "workspace": self.commands.workspace,
             "device": device.name if device else None,
             "damping": [axis.damping for axis in device.axes] if device else [],
         }
