@@ -85,10 +85,10 @@ def test_the_driver_takes_a_wall_just_inside_its_range_and_refuses_it_just_outsi
 
 
 def test_damping_that_is_cancelled_may_be_too_little_of_a_coupling_as_well_as_too_much():
-    least, most = passive_ranges(DEVICE, driver(cancellation__ratio=0.9, coupling__damping=1.4), LATENESS)[
+    least, most = passive_ranges(DEVICE, driver(cancellation__ratio=0.7, coupling__damping=1.0), LATENESS)[
         "coupling.damping"
     ]
-    assert 0.0 < least < 1.4 < most
+    assert 0.0 < least < 1.0 < most
 
 
 @pytest.mark.parametrize("normal", ((0.0, 1.0), (1.0, 0.0), (0.6, 0.8)))
@@ -149,7 +149,7 @@ def test_a_saved_point_is_loaded_as_it_was_and_what_waits_for_a_start_is_named()
 def test_what_a_file_does_not_name_has_its_default_and_a_scene_by_its_path_is_the_same_scene():
     file = b"/**:\n  ros__parameters: {coupling.damping: 0.5}\n"
     file += b"/haptic/haptic_simulation:\n  ros__parameters: {scene: peg_in_hole}\n"
-    with pytest.raises(ValueError, match="coupling.damping is not a parameter of"):
+    with pytest.raises(ValueError, match="did you mean coupling.damping?"):
         point_in(b"/**:\n  ros__parameters: {coupling.dampin: 0.5}\n", "/haptic", RUNNING)
     point = point_in(file, "/haptic", RUNNING | {"haptic_driver": driver(coupling__stiffness=2.0)})
     assert point.live == settings.live_of(driver(coupling__damping=0.5)) and point.waiting == []
@@ -159,8 +159,8 @@ def test_what_a_file_does_not_name_has_its_default_and_a_scene_by_its_path_is_th
     ("file", "sentence"),
     [
         (b"\xff\xfe", "not"),
-        (b"a: [", "line 1 is not YAML"),
-        (b"bodies: {}", "belongs there"),
+        (b"a: [", "line 2 is not YAML"),
+        (b"bodies: 3", "belongs there"),
         (b"{}", "the file has no ros__parameters for a node in /haptic"),
         (b"/other/haptic_driver:\n  ros__parameters: {coupling.damping: 0.5}", "for a node in /haptic"),
         (b"/haptic/haptic_driver:\n  ros__parameters: {coupling.damping: 2000.0}", "at most 1000.0 N s/m is allowed"),

@@ -2,7 +2,7 @@
 // What this page has changed of the driver's values: back, forward again, and as it all began.
 
 const MOST = 100; // steps that are kept
-const TOGETHER = 1000; // ms between two changes of the same values that are one step: a slider is drawn, a wall dragged
+const TOGETHER = 1000; // ms between two changes of the same thing that are one step: a slider is drawn
 const TEXTS = "input[type=number], input[type=text], input:not([type]), textarea";
 
 export class History {
@@ -15,29 +15,25 @@ export class History {
     this.forward = [];
     undo.addEventListener("click", () => this.undo());
     redo.addEventListener("click", () => this.redo());
-    defaults.addEventListener("click", () => this.ask(this.differing(this.began), true));
+    defaults.addEventListener("click", () => this.ask(this.differing(this.began), Symbol("defaults")));
     document.addEventListener("keydown", (event) => this.key(event));
   }
 
-  // Sets values, and remembers what they were. apart: a step of its own.
-  ask(values, apart = false) {
-    const names = Object.keys(values);
-    if (!names.length) return;
-    const now = performance.now();
+  // Sets values, and remembers what they were. thing: what is changed; the same again at once is the same step.
+  ask(values, thing = Object.keys(values).join()) {
     const last = this.back.at(-1);
-    const same = last && !last.apart && !apart && now < last.at + TOGETHER && names.join() === Object.keys(last.before).join();
-    if (same) last.at = now;
-    else this.keep(this.current(names), apart);
+    if (last?.thing === thing && performance.now() < last.at + TOGETHER) last.at = performance.now();
+    else this.keep(this.current(Object.keys(values)), thing);
     this.set(values);
   }
 
   // Remembers what all are now, before something else sets them.
   keepAll() {
-    this.keep(this.current(Object.keys(this.began)), true);
+    this.keep(this.current(Object.keys(this.began)), Symbol("all"));
   }
 
-  keep(before, apart) {
-    this.back = [...this.back.slice(1 - MOST), { before, apart, at: performance.now() }];
+  keep(before, thing) {
+    this.back = [...this.back.slice(1 - MOST), { before, thing, at: performance.now() }];
     this.forward = [];
     this.showButtons();
   }
@@ -56,7 +52,7 @@ export class History {
       const values = this.differing(from.pop().before);
       const names = Object.keys(values);
       if (!names.length) continue;
-      to.push({ before: this.current(names), apart: true, at: 0 });
+      to.push({ before: this.current(names) });
       this.set(values);
       break;
     }

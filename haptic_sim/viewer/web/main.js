@@ -31,7 +31,7 @@ const link = new Link(take, connected);
 const history = new History((values) => link.say({ do: "set_all", values }), {
   undo: byId("undo"), redo: byId("redo"), defaults: byId("defaults"),
 });
-const set = (values, apart) => history.ask(values, apart);
+const set = (values, thing) => history.ask(values, thing);
 const gains = new Tuning(byId("gains"), set, {
   "coupling.stiffness": "How stiff the tool is held",
   "coupling.damping": "How damped",

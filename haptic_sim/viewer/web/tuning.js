@@ -10,7 +10,7 @@ const OPEN = ["coupling", "cancellation"];
 const WALLS = "wall";
 
 export class Tuning {
-  // set: ({name: value}) asks the driver. words: {name: plain words}, if these few are shown and no others.
+  // set: ({name: value}, thing) asks the driver. words: {name: plain words}, if these few are shown and no others.
   constructor(place, set, words = null) {
     this.place = place;
     this.set = set;
@@ -61,7 +61,7 @@ export class Tuning {
 
   ask(name, value) {
     this.fields[name].asked = performance.now();
-    this.set({ [name]: value });
+    this.set({ [name]: value }, name);
   }
 
   // What the nodes have now; a field that is being edited, or was just asked for, is left alone. passive: {name: range}.

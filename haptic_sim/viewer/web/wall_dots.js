@@ -85,7 +85,7 @@ export class WallDots {
   move(dragged) {
     const { i, at, from, wall } = dragged;
     const offset = wall.offset + along(wall.normal, [at[0] - from[0], at[1] - from[1]]);
-    this.walls.change(i, { ...this.walls.walls[i], offset });
+    this.walls.change(i, { ...this.walls.walls[i], offset }, dragged);
     dragged.waits = this.walls.walls[i].offset !== offset;
   }
 
@@ -94,7 +94,7 @@ export class WallDots {
     const [x, y] = dragged.place;
     const angle = Math.atan2(dragged.at[1] - y, dragged.at[0] - x) + Math.PI / 2;
     const degrees = Math.round(((angle * 180) / Math.PI + 540) % 360) - 180;
-    this.walls.turn(dragged.i, degrees, dragged.place);
+    this.walls.turn(dragged.i, degrees, dragged.place, dragged);
     dragged.waits = false;
   }
 

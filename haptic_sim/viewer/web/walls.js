@@ -9,7 +9,7 @@ const LATELY = 1500; // ms after a wish in which what the driver had before is n
 const REACH = 200; // mm from the middle of the workspace, where it is not known
 
 export class Walls {
-  // set: ({name: value}, apart) asks the driver.
+  // set: ({name: value}, thing) asks the driver.
   constructor(view, set) {
     this.view = view;
     this.set = set;
@@ -56,30 +56,30 @@ export class Walls {
       return;
     }
     this.places.length = this.walls.length;
-    this.ask([...this.walls, besides(handle, this.axes, this.passive.new_wall)], this.walls.length, true);
+    this.ask([...this.walls, besides(handle, this.axes, this.passive.new_wall)], this.walls.length, Symbol("added"));
   }
 
   remove(i) {
     this.places.splice(i, 1);
-    this.ask(this.walls.filter((_, j) => j !== i), -1, true);
+    this.ask(this.walls.filter((_, j) => j !== i), -1, Symbol("removed"));
   }
 
-  // Asks for another wall in the place of one.
-  change(i, wanted) {
+  // Asks for another wall in the place of one. thing: which of it is changed.
+  change(i, wanted, thing) {
     const wall = yielding(wanted, this.walls[i], this.view.frame?.handle);
-    this.ask(this.walls.map((old, j) => (j === i ? wall : old)), i);
+    this.ask(this.walls.map((old, j) => (j === i ? wall : old)), i, thing);
   }
 
-  turn(i, degrees, place = this.places[i]) {
-    this.change(i, turned(this.walls[i], degrees, place));
+  turn(i, degrees, place, thing) {
+    this.change(i, turned(this.walls[i], degrees, place), thing);
   }
 
-  ask(walls, about, apart = false) {
+  ask(walls, about, thing) {
     this.asked = performance.now();
     this.about = about;
     this.wanted = JSON.stringify(valuesOf(walls));
     this.say(-1, "");
-    this.set(valuesOf(walls), apart);
+    this.set(valuesOf(walls), thing);
     this.take(walls);
   }
 
@@ -128,11 +128,11 @@ export class Walls {
     const [reach, far] = [this.reach(), 1e3 * this.declared["wall.offsets"].high];
     const wall = () => this.walls[i];
     const gain = (words, name) => this.line(i, words, `wall.${name}`, { ...this.declared[`wall.${name}`], kind: "number" },
-      (value) => this.change(i, { ...wall(), [name]: value }), (one, passive) => [one[name], passive[`wall.${name}`]?.[i]]);
+      (value, thing) => this.change(i, { ...wall(), [name]: value }, thing), (one, passive) => [one[name], passive[`wall.${name}`]?.[i]]);
     const place = this.line(i, "Place", "wall.offsets", { unit: "mm", low: -far, high: far, felt: [-reach, reach], steps: 4 * reach, even: true },
-      (value) => this.change(i, { ...wall(), offset: 1e-3 * value }), (one) => [1e3 * one.offset]);
+      (value, thing) => this.change(i, { ...wall(), offset: 1e-3 * value }, thing), (one) => [Number((1e3 * one.offset).toFixed(2))]);
     const direction = this.line(i, "Direction", "wall.normals", { unit: "°", low: -180, high: 180, steps: 360, even: true },
-      (value) => this.turn(i, value), (one) => [angleOf(one)]);
+      (value, thing) => this.turn(i, value, this.places[i], thing), (one) => [angleOf(one)]);
     const damping = gain("Damping", "damping");
     damping.row.dataset.layer = "expert";
     return [place, ...(this.axes < 2 ? [] : [direction]), gain("Stiffness", "stiffness"), damping];
@@ -145,7 +145,7 @@ export class Walls {
     const expert = element("small", { textContent: name });
     expert.dataset.layer = "expert";
     label.append(expert);
-    const { parts, show } = slider({ ...declared, name: `${words} of wall ${i + 1}` }, id, ask);
+    const { parts, show } = slider({ ...declared, name: `${words} of wall ${i + 1}` }, id, (value) => ask(value, id));
     const row = element("div", { className: "tuned" });
     row.append(label, ...parts);
     parts[0].setAttribute("aria-label", `${words} of wall ${i + 1}`);
