@@ -36,7 +36,7 @@ export class Walls {
     const told = JSON.stringify(valuesOf(wallsOf(this.known)));
     const lately = performance.now() < this.asked + LATELY && told !== this.wanted;
     if (!this.dragged && !lately) this.take(wallsOf(this.known));
-    if (told !== this.told) this.say(-1, "");
+    if (told !== this.told && !this.noted) this.say(-1, "");
     this.told = told;
   }
 
@@ -66,8 +66,9 @@ export class Walls {
 
   // Asks for another wall in the place of one. thing: which of it is changed.
   change(i, wanted, thing) {
-    const wall = yielding(wanted, this.walls[i], this.view.frame?.handle);
+    const wall = yielding(wanted, this.walls[i], this.view.frame?.handle, this.workspace);
     this.ask(this.walls.map((old, j) => (j === i ? wall : old)), i, thing);
+    if (wall !== wanted) this.say(i, "The hand is in the way: the wall stops in it.", true);
   }
 
   turn(i, degrees, place, thing) {
@@ -95,13 +96,14 @@ export class Walls {
     return true;
   }
 
-  // At the wall, or, where it is no wall, below all.
-  say(i, sentence) {
+  // At the wall, or, where it is no wall, below all. noted: it is no refusal.
+  say(i, sentence, noted = false) {
+    this.noted = noted;
     for (const { answer } of this.rows) answer.textContent = "";
     const place = this.rows[i]?.answer ?? byId("walls_answer");
     byId("walls_answer").textContent = "";
     place.textContent = sentence;
-    place.classList.add("refused");
+    place.classList.toggle("refused", !noted);
   }
 
   buildRows() {
