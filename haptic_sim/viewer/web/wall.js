@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A wall of the servo as numbers: normal [nx, ny] towards the free side, offset along it [m], stiffness [N/m], damping.
 
-const DEEPER = 0.005; // m that a wall which is moved may reach over the handle: then it waits until the hand has yielded
-const EDGE = 0.01; // m that the handle keeps from the end of the workspace when a wall pushes it
 const BELOW = 0.01; // m between the handle and a wall that is added
 const ASIDE = 0.03; // m
 const SOFT = 1000; // N/m of a wall that is added, at most
@@ -31,11 +29,10 @@ export function besides(handle, axes, passive) {
   return { normal, offset: along(normal, handle) - BELOW, stiffness: Math.min(SOFT, most), damping: 0 };
 }
 
-// The wall where it is wanted, or as far towards the handle as it may go now: one that is far over it would throw it, or
-// push it out of the workspace, which is a fault.
-export function yielding(wanted, before, handle, workspace) {
+// The wall where it is wanted, or at the handle: the servo, too, lets no wall that is moved push the hand.
+export function yielding(wanted, before, handle) {
   if (!handle) return wanted;
-  const deepest = Math.max(Math.min(DEEPER, room(handle, wanted.normal, workspace) - EDGE), depth(before, handle));
+  const deepest = Math.max(0, depth(before, handle));
   return depth(wanted, handle) <= deepest ? wanted : { ...wanted, offset: along(wanted.normal, handle) + deepest };
 }
 
@@ -66,15 +63,6 @@ export function along([nx, ny], [x, y]) {
 
 function depth({ normal, offset }, place) {
   return offset - along(normal, place);
-}
-
-// From a place to the end of the workspace along a normal [m].
-function room(place, normal, workspace) {
-  const ways = (workspace ?? []).slice(0, 2).map(([low, high], i) => {
-    const end = normal[i] > 0 ? high : low;
-    return Math.abs(normal[i]) < 1e-9 ? Infinity : (end - place[i]) / normal[i];
-  });
-  return Math.min(Infinity, ...ways);
 }
 
 function short(number) {

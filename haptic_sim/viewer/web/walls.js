@@ -66,9 +66,9 @@ export class Walls {
 
   // Asks for another wall in the place of one. thing: which of it is changed.
   change(i, wanted, thing) {
-    const wall = yielding(wanted, this.walls[i], this.view.frame?.handle, this.workspace);
+    const wall = yielding(wanted, this.walls[i], this.view.frame?.handle);
     this.ask(this.walls.map((old, j) => (j === i ? wall : old)), i, thing);
-    if (wall !== wanted) this.say(i, "The hand is in the way: the wall stops in it.", true);
+    if (wall !== wanted) this.say(i, "The hand is in the way: the wall stops at it.", true);
   }
 
   turn(i, degrees, place, thing) {
