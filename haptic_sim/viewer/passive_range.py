@@ -53,7 +53,7 @@ def passive_ranges(device: Device, values: dict, lateness: float) -> dict:
     """
     try:
         settings = controller_config.settings_from(device, values)
-    except ValueError:
+    except (ValueError, KeyError):  # KeyError: a driver that does not have all of this version's parameters
         return {}
     found = {}
     for name, (group, field, axes) in GAINS.items():
