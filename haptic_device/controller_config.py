@@ -104,7 +104,10 @@ def wall_problems(axes, values):
         yield f"wall.offsets names {count} walls; the limit is {MOST_WALLS}"
     for name, per_wall in (("wall.normals", 2), ("wall.stiffness", 1), ("wall.damping", 1)):
         if len(values[name]) != per_wall * count:
-            yield f"{name} has {len(values[name])} numbers; {count} walls need {per_wall * count}"
+            yield (
+                f"{name} has {len(values[name])} numbers; {count} walls (wall.offsets) need {per_wall * count}: "
+                "set the four lists of wall together"
+            )
     for i, (nx, ny) in enumerate(zip(normals[::2], normals[1::2], strict=False)):
         length = math.hypot(nx, ny)
         if abs(length - 1.0) > 1e-3:

@@ -11,6 +11,7 @@ from haptic_sim.service_requests import change_state, get_parameters, set_parame
 from haptic_sim.viewer import messages, settings
 from haptic_sim.viewer.hand import THERE, Hand, Limits
 from haptic_sim.viewer.leading_page import LeadingPage
+from haptic_sim.viewer.loading import point_in
 from haptic_sim.viewer.recovery import Recovery
 from haptic_sim.viewer.scene_controller import SceneController
 from haptic_sim.viewer.settings import DRIVER, LOOPBACK, SIMULATION
@@ -33,6 +34,7 @@ BAG = 20.0  # s that a recorder may take to open or close a bag
 class CommandHandler:
     """Owns the hand. `values` are the nodes' parameters as last polled: {node: {name: value}}.
 
+    began: the driver's live ones as they were first heard.
     held_off: whether a page has said that the motor shall be off.
 
     nodes: those that are this process's to start again; else None.
@@ -41,6 +43,7 @@ class CommandHandler:
     def __init__(self, client: Client, state: State, speeds: tuple[float, float], nodes=None):
         self.client, self.state, self.hand, self._nodes = client, state, Hand(), nodes
         self.values, self.device, self.problem, self.held_off = {}, None, "", False
+        self.began: dict = {}
         self.scenes, self.pages, self.recovery = SceneController(self), LeadingPage(self), Recovery(self, nodes)
         self.troubles = TroubleFinder(state, client, nodes)
         self._speeds, self._asked_device = speeds, None
@@ -113,8 +116,8 @@ class CommandHandler:
                 return self.pages.take_over(session)
             case messages.Trigger():
                 return await self._trigger(message.service)
-            case messages.Set():
-                return await self._set(message.name, message.value)
+            case messages.SetAll():
+                return await self._set_all(message.values)
             case messages.LoadScene():
                 return await self.scenes.load(message.name)
             case messages.ChooseMethod():
@@ -135,6 +138,7 @@ class CommandHandler:
         for node in settings.NODES:
             try:
                 self.values[node] = await self._parameters(node, POLLED, None)
+                self.began = self.began or settings.live_of(self.values.get(DRIVER, {}))
             except ValueError:
                 if node not in self.state.statuses:
                     self.values.pop(node, None)
@@ -216,11 +220,19 @@ class CommandHandler:
             self.let_go()
         return await self.order(service)
 
-    async def _set(self, name, value):
-        value = settings.typed(name, value)
-        await self.ask(set_parameters(DRIVER, {name: value}))
+    async def _set_all(self, values):
+        values = {name: settings.typed(name, value) for name, value in values.items()}
+        await self.ask(set_parameters(DRIVER, values))
         await self.poll()
-        return f"{name} is {value}"
+        return ", ".join(f"{name} is {value}" for name, value in values.items())
+
+    async def load(self, file: bytes) -> str:
+        """Sets what a parameter file asks for of the driver, all or nothing; names what differs and was not set.
+        Raises ValueError, one sentence."""
+        point = point_in(file, self.client.node.get_namespace(), await self.heard())
+        await self._set_all(point.live)
+        waiting = f"; only a start of the nodes with this file sets {', '.join(point.waiting)}" if point.waiting else ""
+        return f"the file is loaded{waiting}"
 
     def _mark(self, text):
         if not self._marks.get_subscription_count():

@@ -18,7 +18,8 @@ Text = Annotated[str, Field(max_length=TEXT, description="a text")]
 Item = bool | Whole | Number | Text
 Service = Literal["enable", "disable", "estop", "reset"]
 SERVICES = get_args(Service)  # of the driver that a page may trigger
-Value = Annotated[Item | list[Item], Field(description="a switch, a finite number, a text or a list of them")]
+VALUE = "a switch, a finite number, a text or a list of them"
+Value = Annotated[Item | list[Item], Field(description=VALUE)]
 
 
 class Message(BaseModel):
@@ -74,12 +75,11 @@ class Trigger(Message):
     service: Annotated[Service, Field(description=f"one of {', '.join(SERVICES)}")]
 
 
-class Set(Message):
-    """A live parameter of the driver."""
+class SetAll(Message):
+    """Live parameters of the driver: all or none of these are set."""
 
-    do: Literal["set"] = "set"
-    name: Text
-    value: Value
+    do: Literal["set_all"] = "set_all"
+    values: Annotated[dict[Text, Value], Field(min_length=1, description="a mapping of names to values")]
 
 
 class LoadScene(Message):
@@ -131,7 +131,7 @@ class Restart(Message):
 
 
 Command = (
-    Aim | Trigger | Set | LoadScene | ChooseMethod | StartScene | Mark | Record | Restart | LetGo | TakeOver | Mend
+    Aim | Trigger | SetAll | LoadScene | ChooseMethod | StartScene | Mark | Record | Restart | LetGo | TakeOver | Mend
 )
 PageMessage = Seen | Command
 _MODELS = {model.model_fields["do"].default: model for model in get_args(PageMessage)}
@@ -158,4 +158,7 @@ def _sentence(error):
     if error["type"] == "string_too_long":
         return f"{do}: {name} has {len(given)} characters; the limit is {TEXT}"
     shown = "missing" if error["type"] == "missing" else repr(given)[:_SHOWN]
-    return f"{do}: {name} is {shown}; {_MODELS[do].model_fields[name].description} is needed"
+    needed = _MODELS[do].model_fields[name].description
+    if name == "values" and len(path) > 1:
+        name, needed = path[1], VALUE
+    return f"{do}: {name} is {shown}; {needed} is needed"

@@ -8,7 +8,9 @@ from pathlib import Path
 
 from aiohttp import web
 
+from haptic_device.os_errors import in_words
 from haptic_sim.viewer.guard import ALONE, HEADERS, Guard, reachable
+from haptic_sim.viewer.loading import LARGEST
 from haptic_sim.viewer.messages import LONGEST
 from haptic_sim.viewer.session import Session, encoded
 
@@ -22,21 +24,23 @@ HANDSHAKE = 10.0  # s for a first request, and from one request to the next
 
 class Server:
     """welcome(session) tells a page that has come what there is; do(message, session) does what it asks for; save() is
-    the file of the operating point; recorded(file, names) is a page of recordings, as Recordings.page."""
+    the file of the operating point, load(file) takes such a file and gives the sentence that says what it has set;
+    recorded(file, names) is a page of recordings, as Recordings.page."""
 
-    def __init__(self, host: str, port: int, welcome, do, save, recorded=None):
+    def __init__(self, host: str, port: int, welcome, do, save, load, recorded=None):
         self.guard, self.sessions = Guard(host), []
         self._host, self._port, self._welcome, self._do, self._save = host, port, welcome, do, save
-        self._recorded = recorded
+        self._load, self._recorded = load, recorded
         self._files = {path.name: path for path in WEB.iterdir() if path.suffix in TYPES}  # all that can be fetched
         self._runner = self._listener = self._limit = None
 
     async def start(self) -> None:
         """Listens. ValueError, one sentence, if the address is taken or there is none of this name."""
-        app = web.Application(middlewares=[self._guarded])
+        app = web.Application(middlewares=[self._guarded], client_max_size=LARGEST)
         app.router.add_get("/{token}/socket", self._open_socket)
         app.router.add_get("/{token}/operating_point.yaml", self._operating_point)
         app.router.add_get("/{token}/recordings/{file}", self._recording)
+        app.router.add_post("/{token}/operating_point.yaml", self._take_operating_point)
         app.router.add_get("/{token}/{name:[^/]*}", self._file)
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, keepalive_timeout=HANDSHAKE)
         await self._runner.setup()
@@ -118,6 +122,18 @@ class Server:
         except ValueError as error:
             raise web.HTTPServiceUnavailable(text=f"nothing is saved: {error}\n") from None
         return web.Response(text=text, content_type="application/yaml", headers=headers)
+
+    async def _take_operating_point(self, request):
+        self.guard.check_origin(request.headers.get("Origin"), request.headers.get("Host", ""))
+        if not self.guard.may_control(_token(request)):
+            raise PermissionError("this page only looks on")
+        try:
+            return web.Response(text=await self._load(await request.read()))
+        except web.HTTPRequestEntityTooLarge:
+            refusal = f"the file has more than {LARGEST // 1024} kB"
+        except (ValueError, OSError) as error:
+            refusal = in_words(error)
+        return web.Response(status=400, text=refusal)
 
     async def _open_socket(self, request):
         self.guard.check_origin(request.headers.get("Origin"), request.headers.get("Host", ""))

@@ -31,6 +31,7 @@ from haptic_sim.viewer.markers import MarkerPublisher
 from haptic_sim.viewer.messages import Aim, LetGo, Record, Trigger
 from haptic_sim.viewer.page_words import in_page_words
 from haptic_sim.viewer.parameters import PARAMETERS
+from haptic_sim.viewer.passive_range import PassiveRanges
 from haptic_sim.viewer.recordings import Recordings
 from haptic_sim.viewer.server import Server
 from haptic_sim.viewer.settings import DRIVER, SIMULATION
@@ -52,8 +53,9 @@ class Viewer:
         self.commands = CommandHandler(client, self.state, (values["hand_speed"], values["hand_turn"]), nodes)
         self._markers = MarkerPublisher(node, values["marker_rate"])
         self.recordings = Recordings(self._tell_recordings)
-        given = values["host"], values["port"], self._welcome, self._do, self._save, self.recordings.page
-        self.server = Server(*given)
+        given = self._welcome, self._do, self._save, self.commands.load, self.recordings.page
+        self.server = Server(values["host"], values["port"], *given)
+        self._ranges = PassiveRanges(self.state)
         self._node, self._values, self._executor = node, values, SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
         self._scene_told, self._state_told, self._status_due, self._leader_told = 0, None, 0.0, None
@@ -139,6 +141,7 @@ class Viewer:
         while True:
             with contextlib.suppress(ValueError):
                 await self.commands.poll()
+            await self._ranges.follow(self.commands.device, self.commands.values.get(DRIVER, {}))
             self.server.tell("values", self._tuning())
             await self.recordings.scan()
             await asyncio.sleep(POLL_PERIOD)
@@ -184,12 +187,13 @@ class Viewer:
         return settings.walls(self.commands.values.get(DRIVER, {})), self.commands.workspace
 
     def _tuning(self):
-        device, (walls, workspace) = self.commands.device, self._surroundings()
+        device = self.commands.device
         return {
             "values": self.commands.values,
             "offer": self._nodes.offer() if self._nodes else {},
-            "walls": walls,
-            "workspace": workspace,
+            "began": self.commands.began,
+            "passive": self._ranges.found,
+            "workspace": self.commands.workspace,
             "device": device.name if device else None,
             "damping": [axis.damping for axis in device.axes] if device else [],
         }

@@ -251,23 +251,22 @@ def test_a_slider_changes_the_gain_of_the_driver(tab):
 def test_the_slider_of_a_wall_changes_that_wall_alone_and_walls_are_shown(tab, listener):
     below_and_left = {"normals": [0.0, 1.0, 1.0, 0.0], "offsets": [-0.055, -0.1]}
     listener.set_walls(**below_and_left, stiffness=[100.0, 50.0], damping=[0.0, 0.0])
-    tab.until("document.getElementById('tuned_wall_stiffness_2')")
-    places = "document.querySelectorAll('.walls:has(#tuned_wall_stiffness) [type=number]')"
-    numbers = f"[...{places}].map((one) => one.value)"
+    tab.until("document.getElementById('wall_2_stiffness')")
+    numbers = "[1, 2].map((i) => document.querySelector(`#wall_${i}_stiffness + input`).value)"
     tab.until(f"{numbers}.join() === '100,50'")
-    second = tab.page.locator("#tuned_wall_stiffness_2 + input")
+    second = tab.page.locator("#wall_2_stiffness + input")
     second.fill("20")
     second.press("Enter")
     tab.page.focus("#scene")
     tab.page.wait_for_timeout(2500.0)  # what the driver has comes each second
-    assert tab.page.evaluate(numbers) == ["100", "20"] and tab.text("tuned_wall_stiffness_answer") == ""
-    tab.page.locator("#tuned_wall_stiffness").scroll_into_view_if_needed()
+    assert tab.page.evaluate(numbers) == ["100", "20"] and tab.text("wall_2_answer") == ""
+    tab.page.locator("#wall_1_stiffness").scroll_into_view_if_needed()
     tab.shot("walls")
     groups, frames = listener.marked()
     assert groups >= {"bodies", "walls", "workspace", "target", "handle", "coupling"} and frames == {"haptic_map"}
     assert serious(tab) == []
     listener.set_walls(normals=[], offsets=[], stiffness=[], damping=[])
-    tab.until("document.querySelectorAll('.walls input').length === 0")
+    tab.until("document.querySelectorAll('.wall').length === 0")
 
 
 def test_another_scene_and_method_are_loaded_and_an_impossible_one_is_refused(tab):

@@ -99,7 +99,7 @@ def test_an_operating_point_is_told_all_that_is_wrong_at_once(tmp_path):
         "/**/haptic_driver: engage.time is 99.0 s; at most 10.0 s is allowed",
         f"haptic_loopback: device 'devices/mine.yaml' is neither the file {tmp_path}/devices/mine.yaml nor a name in",
         f"haptic_simulation: scene 'maize' is neither the file {tmp_path}/maize nor a name in config/scenes, which has",
-        "wall.stiffness has 1 numbers; 2 walls need 2",
+        "wall.stiffness has 1 numbers; 2 walls (wall.offsets) need 2: set the four lists of wall together",
         "wall.normals of wall 1 is [1, 1], of length 1.41421; write a unit vector",
         "coupling.stiffness 90000 N/m with coupling.damping 1 N s/m needs b >",
     ):

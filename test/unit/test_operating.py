@@ -52,14 +52,15 @@ def test_walls_arrive_in_order_with_unit_normals():
 
 
 ONE = {"wall__normals": (1.0, 0.0), "wall__offsets": (0.0,), "wall__stiffness": (1.0,), "wall__damping": (0.0,)}
+TOGETHER = ": set the four lists of wall together"
 
 
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"wall__normals": (1.0,)}, "wall.normals has 1 numbers; 1 walls need 2"),
-        ({"wall__stiffness": (1.0, 2.0)}, "wall.stiffness has 2 numbers; 1 walls need 1"),
-        ({"wall__damping": ()}, "wall.damping has 0 numbers; 1 walls need 1"),
+        ({"wall__normals": (1.0,)}, "wall.normals has 1 numbers; 1 walls (wall.offsets) need 2" + TOGETHER),
+        ({"wall__stiffness": (1.0, 2.0)}, "wall.stiffness has 2 numbers; 1 walls (wall.offsets) need 1" + TOGETHER),
+        ({"wall__damping": ()}, "wall.damping has 0 numbers; 1 walls (wall.offsets) need 1" + TOGETHER),
         ({"wall__offsets": (0.0,) * 65}, "wall.offsets names 65 walls; the limit is 64"),
         ({"wall__normals": (1.0, 1.0)}, "wall.normals of wall 0 is [1, 1], of length 1.41421; write a unit vector"),
         ({"wall__normals": (0.0, 0.0)}, "wall.normals of wall 0 is [0, 0], of length 0; write a unit vector"),

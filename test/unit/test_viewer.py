@@ -41,7 +41,11 @@ async def saved():
     return "# saved\n"
 
 
-def served(visit, do=None, host="127.0.0.1", save=saved):
+async def loaded(file):
+    raise ValueError(f"{len(file)} bytes are no parameter file")
+
+
+def served(visit, do=None, host="127.0.0.1", save=saved, load=loaded):
     """What visit(server, http) returns, with a server on this machine that answers `do`."""
     done = []
 
@@ -50,7 +54,7 @@ def served(visit, do=None, host="127.0.0.1", save=saved):
         return "done"
 
     async def live():
-        server = Server(host, 0, lambda page: page.tell("hello", page.control), do or note, save)
+        server = Server(host, 0, lambda page: page.tell("hello", page.control), do or note, save, load)
         await server.start()
         async with aiohttp.ClientSession() as http:
             try:
@@ -190,10 +194,10 @@ BAD = (
     "[" * 3000,
     '{"do": ["aim"]}',
     '{"do": "trigger"}',
-    '{"do": "set", "name": 1, "value": 2}',
+    '{"do": "set_all", "values": {}}',
     '{"do": "record", "on": 1}',
     '{"do": "aim", "x": ' + "9" * 400 + "}",
-    '{"do": "set", "name": "a", "value": 1e300}',
+    '{"do": "set_all", "values": {"a": 1e300}}',
     '{"do": "_prepare"}',
     '{"do": "mark", "text": "' + "a" * 300 + '"}',
 )
@@ -214,12 +218,12 @@ def test_a_malformed_message_is_refused_in_one_sentence(text):
         ('{"do": "record", "on": 1}', "record: on is 1; true or false is needed"),
         ('{"do": "mark", "text": "' + 201 * "a" + '"}', "mark: text has 201 characters; the limit is 200"),
         (
-            '{"do": "set", "name": "a", "value": null}',
-            "set: value is None; a switch, a finite number, a text or a list",
+            '{"do": "set_all", "values": {"a": null}}',
+            "set_all: a is None; a switch, a finite number, a text or a list",
         ),
         ('{"do": "trigger"}', "trigger: service is missing; one of enable, disable, estop, reset is needed"),
         ('{"do": "trigger", "service": "start"}', "trigger: service is 'start'; one of enable, disable, estop, reset"),
-        ('{"do": "dance"}', "a message asks for none of seen, aim, trigger, set, scene, method"),
+        ('{"do": "dance"}', "a message asks for none of seen, aim, trigger, set_all, scene, method"),
     ],
 )
 def test_a_refusal_names_the_value_and_what_is_needed(text, sentence):
@@ -233,8 +237,10 @@ def test_a_refusal_names_the_value_and_what_is_needed(text, sentence):
     [
         ('{"do": "aim", "x": 9007199254740991, "z": 1.0}', messages.Aim(x=9007199254740991.0)),
         ('{"do": "mark", "text": "' + 200 * "a" + '"}', messages.Mark(text=200 * "a")),
-        ('{"do": "set", "name": "a", "value": [1, 2.5]}', messages.Set(name="a", value=[1, 2.5])),
-        ('{"do": "set", "name": "a", "value": false}', messages.Set(name="a", value=False)),
+        (
+            '{"do": "set_all", "values": {"a": [1, 2.5], "b": false}}',
+            messages.SetAll(values={"a": [1, 2.5], "b": False}),
+        ),
         ('{"do": "start_scene"}', messages.StartScene()),
     ],
 )
@@ -389,7 +395,7 @@ def test_what_goes_wrong_is_the_answer():
 
     async def visit(server, http):
         async with opened(http, server) as socket:
-            await socket.send_str('{"do": "set", "name": "coupling.stiffness", "value": 9e9}')
+            await socket.send_str('{"do": "set_all", "values": {"coupling.stiffness": 9e9}}')
             return await hear(socket, "answer")
 
     answer = served(visit, refuse)[0]
@@ -710,5 +716,5 @@ def test_an_address_that_cannot_be_served_is_refused_by_its_name(host):
     with create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(ValueError) as refusal:
-            asyncio.run(Server(host, port, None, None, None).start())
+            asyncio.run(Server(host, port, None, None, None, None).start())
     assert re.fullmatch(rf"no page can be served on host '{host}', port {port}: [A-Z][\w ,]+", str(refusal.value))

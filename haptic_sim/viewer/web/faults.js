@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The banner: what is wrong, why, what to do, and one button that does it. It stays until that is done.
 
-import { element } from "./tuning.js";
+import { element } from "./element.js";
 
 export class Banner {
   // press() is called by the button.

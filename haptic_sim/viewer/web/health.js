@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // States, faults, lateness and the passivity margin, from the nodes' diagnostics.
 
-import { element } from "./tuning.js";
+import { element } from "./element.js";
 
 const LEVELS = { idle: "warn", "waiting for a small force": "warn", engaging: "warn", engaged: "good", fault: "bad" };
 const FIGURES = [

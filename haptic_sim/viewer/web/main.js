@@ -1,19 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 // Puts the page together: what comes from the viewer goes to the parts that show it, what people do goes back.
 
+import { element } from "./element.js";
 import { Banner } from "./faults.js";
 import { Hand, turning } from "./hand.js";
 import { driverOf, showHealth } from "./health.js";
+import { History } from "./history.js";
 import { layered } from "./layer.js";
 import { Link } from "./link.js";
-import { Panels, shown, stretch } from "./panels.js";
+import { Panels, say, shown, stretch } from "./panels.js";
+import { loading } from "./presets.js";
 import { RecordingPanel } from "./recording.js";
 import { forgetUnsent, forgetWhenEdited } from "./refusals.js";
 import { SceneView } from "./scene.js";
 import { Strip } from "./strips.js";
 import { dress } from "./theme.js";
 import { Tone } from "./tone.js";
-import { Tuning, element } from "./tuning.js";
+import { Tuning } from "./tuning.js";
+import { WallDots } from "./wall_dots.js";
+import { Walls } from "./walls.js";
 
 const byId = (id) => document.getElementById(id);
 const HINT = 3000; // ms that a hint stays
@@ -27,10 +32,17 @@ let count = 0;
 
 const view = new SceneView(byId("scene"));
 const link = new Link(take, connected);
-const tuning = new Tuning(byId("sliders"), (name, value) => {
-  if (tuning.fields[name]) tuning.fields[name].asked = performance.now();
-  link.say({ do: "set", name, value });
+const history = new History((values) => link.say({ do: "set_all", values }), {
+  undo: byId("undo"), redo: byId("redo"), defaults: byId("defaults"),
 });
+const set = (values, thing) => history.ask(values, thing);
+const gains = new Tuning(byId("gains"), set, {
+  "coupling.stiffness": "How stiff the tool is held",
+  "coupling.damping": "How damped",
+});
+const tuning = new Tuning(byId("sliders"), set);
+const walls = new Walls(view, set);
+const dots = new WallDots(byId("wall_dots"), view, walls);
 const panels = new Panels(link);
 const fault = new Banner(byId("fault"), () => link.say({ do: "mend" }));
 const recording = new RecordingPanel(link);
@@ -42,6 +54,7 @@ const strips = [
   new Strip(byId("strip_age"), [{ label: "median", colour: "coupling" }, { label: "99 %", colour: "force", dash: true }], 2),
 ];
 
+loading(byId("load"), byId("load_file"), () => history.keepAll(), (sentence, done) => say("tuning_answer", sentence, done));
 layered(byId("layer"));
 forgetWhenEdited();
 dress(byId("theme"), () => [view, ...strips].forEach((part) => part.recolour()));
@@ -78,15 +91,17 @@ function welcome(news) {
   control = news.control;
   document.body.classList.toggle("looking", !control);
   if (!control) byId("keys").textContent = "This page is view-only. Esc: e-stop.";
-  tuning.build(news.declarations);
+  for (const part of [gains, tuning, walls]) part.build(news.declarations);
   panels.welcome(news);
 }
 
 function showValues(news) {
   tuningNews = news;
-  tuning.show(news.values.haptic_driver ?? {});
+  const driver = news.values.haptic_driver ?? {};
+  history.show(driver, news.began);
+  for (const part of [gains, tuning]) part.show(driver, news.passive);
+  walls.show(news);
   panels.showValues(news);
-  view.setSurroundings(news.walls, news.workspace);
 }
 
 function showStatus(news) {
@@ -104,8 +119,14 @@ function showLeader(who) {
 function answered(answer) {
   if (panels.answered(answer) || recording.answered(answer)) return;
   if (answer.to.do === "mend") fault.answered(answer);
-  else if (answer.to.do === "set") tuning.answered(answer);
+  else if (answer.to.do === "set_all") settled(answer);
   else if (!answer.done || answer.to.service === "estop") hint(answer.sentence);
+}
+
+// The answer to a wish for values: where they are shown, or below them all.
+function settled(answer) {
+  const heard = [gains, tuning, walls].map((part) => part.answered(answer)).some(Boolean);
+  say("tuning_answer", heard || answer.done ? "" : answer.sentence, answer.done);
 }
 
 function connected(open, sentence) {
@@ -134,6 +155,7 @@ function hint(sentence) {
 
 function draw() {
   requestAnimationFrame(draw);
+  dots.follow();
   const frame = link.next();
   if (!frame) {
     view.keepUp();

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scene and exchange: what they show and what they ask for.
 
-import { element, limits, slider } from "./tuning.js";
+import { element } from "./element.js";
+import { slider } from "./slider.js";
+import { limits } from "./tuning.js";
 
 export class Panels {
   constructor(link) {
@@ -73,10 +75,10 @@ export class Panels {
       this.offers[name] = (value) => (input.value = value);
       row.append(label, input);
     } else {
-      const { inputs, show } = slider({ ...offered, name, kind: "number" }, id, change, true);
+      const { parts, show } = slider({ ...offered, name, kind: "number" }, id, change, true);
       label.append(element("small", { textContent: limits(offered) }));
       this.offers[name] = show;
-      row.append(label, ...inputs);
+      row.append(label, ...parts);
     }
     return row;
   }

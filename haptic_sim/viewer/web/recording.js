@@ -2,7 +2,7 @@
 // Recording: what the recorder does, where the bag is, and its report and replay, which open in a tab of their own.
 
 import { say } from "./panels.js";
-import { element } from "./tuning.js";
+import { element } from "./element.js";
 
 const byId = (id) => document.getElementById(id);
 
