@@ -28,7 +28,7 @@ def fresh() -> Tokens:
 
 
 def kept() -> tuple[Tokens, str]:
-    """The user's tokens, made if there are none. The second value is "" or a sentence: the file was not used, and why."""
+    """The user's tokens, made if there are none; and "", or a sentence: why those in the file were not used."""
     path = None
     try:
         path = place()

@@ -47,9 +47,7 @@ class Server:
         asked = self._port
         self._port = await self._listen(range(asked, asked + (PORTS if asked == HOME_PORT else 1)))
         if asked not in (0, self._port):
-            self.notes.append(
-                f"port {asked} is taken: this page is on port {self._port}, with links for this time only"
-            )
+            self.notes.append(f"port {asked} is taken: this page has port {self._port}, and links for this time only")
         elif asked and is_loopback(self._host):
             (self.guard.control, self.guard.look), note = kept()
             self.notes += [note] if note else []

@@ -134,7 +134,7 @@ def test_the_default_port_goes_on_to_the_next_that_is_free_with_links_for_this_t
         monkeypatch.setattr(server_module, "HOME_PORT", port)
         tokens, found, [note] = started(port)
         assert port < found < port + PORTS
-        assert note == f"port {port} is taken: this page is on port {found}, with links for this time only"
+        assert note == f"port {port} is taken: this page has port {found}, and links for this time only"
     assert not set(tokens) & set(started(port)[0])
 
 

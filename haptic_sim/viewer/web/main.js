@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Puts the page together: what comes from the viewer goes to the parts that show it, what people do goes back.
 
+import { explain } from "./about.js";
+import { foldable } from "./folds.js";
 import { Hand, turning } from "./hand.js";
 import { driverOf, showHealth } from "./health.js";
 import { layered } from "./layer.js";
@@ -9,6 +11,7 @@ import { Panels, shown, stretch } from "./panels.js";
 import { SceneView } from "./scene.js";
 import { Strip } from "./strips.js";
 import { dress } from "./theme.js";
+import { entitled } from "./title.js";
 import { Tone } from "./tone.js";
 import { Tuning, element } from "./tuning.js";
 
@@ -37,6 +40,9 @@ const strips = [
 ];
 
 layered(byId("layer"));
+entitled(byId("state"));
+foldable(document.querySelector("aside"));
+explain(byId("explained"), byId("about"));
 dress(byId("theme"), () => [view, ...strips].forEach((part) => part.recolour()));
 turning(byId("turn_left"), hand, 1);
 turning(byId("turn_right"), hand, -1);
