@@ -40,8 +40,8 @@ const WORDS = [
   ["#words .fold", "What is what", "All these explanations in one list."],
 ];
 
-// list: the <dl> that they are put into; line: where the one that is wanted is shown.
-export function explain(list, line) {
+// list: the <dl> that they are put into; line: where the one that is wanted is shown, else the text of `otherwise`.
+export function explain(list, line, otherwise) {
   WORDS.forEach(([selector, name, text, expert], i) => {
     const pair = document.createElement("div");
     if (expert) pair.dataset.layer = "expert";
@@ -52,7 +52,9 @@ export function explain(list, line) {
   const tell = (target) => {
     const text = wordsOf(target) || wordsOf(document.activeElement);
     if (line.textContent !== text) line.textContent = text;
+    line.dataset.otherwise = otherwise.textContent;
   };
+  tell(document.body);
   for (const name of ["pointerover", "focusin"]) document.addEventListener(name, ({ target }) => tell(target));
 }
 

@@ -42,7 +42,7 @@ const strips = [
 layered(byId("layer"));
 entitled(byId("state"));
 foldable(document.querySelector("aside"));
-explain(byId("explained"), byId("about"));
+explain(byId("explained"), byId("about"), byId("keys"));
 dress(byId("theme"), () => [view, ...strips].forEach((part) => part.recolour()));
 turning(byId("turn_left"), hand, 1);
 turning(byId("turn_right"), hand, -1);
