@@ -38,6 +38,8 @@ NODES = {
     "haptic_recorder": {"level": 0, "message": "idle", "values": {}},
     "haptic_simulation": {"level": 1, "message": "Simulation paused once: handle data was late.", "values": {}},
 }
+WAITING = "force withheld for 2 s (waiting): lead the handle to the tool"
+WITHHELD = {"level": 1, "message": WAITING, "values": {**DRIVER, "withheld": "waiting"}}
 FAULT = {"level": 2, "message": "fault: estop", "values": {**DRIVER, "state": "fault", "fault": "estop"}}
 WALLS = {"normals": [0.0, 1.0, 1.0, 0.0], "offsets": [-0.03, -0.08], "stiffness": [100.0, 50.0], "damping": [0.1, 0.1]}
 ONE = {"unit": "ms", "low": 0, "high": 200}

@@ -277,6 +277,8 @@ def test_who_wants_less_motion_gets_none(opened, wish, duration):
 @pytest.mark.parametrize("size", (DESK, PHONE), ids=("desk", "phone"))
 def test_axe_finds_nothing_moderate_or_worse_in_either_layer_with_a_fault_and_with_walls(opened, served, size):
     tab, found = opened(size), {}
+    served.nodes["haptic_driver"] = made_up.WITHHELD
+    tab.until("document.getElementById('state').dataset.level === 'warn'")
     tab.page.click("#words .fold")
     for step in ("simple", "expert with a fault", "simple with a fault"):
         if step == "expert with a fault":

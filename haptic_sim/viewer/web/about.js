@@ -5,7 +5,7 @@
 const EXPERT = true;
 // What is explained (a selector), its name, what it is, and whether only experts see it.
 const WORDS = [
-  ["#state", "State", "Idle: the motor is off. Engaged: you feel the tool. Fault: it stopped by itself."],
+  ["#state", "State", "Idle: the motor is off. Waiting: lead the handle to the tool. Engaged: you feel the tool. Fault: it stopped by itself."],
   ["[data-service='enable']", "Engage", "Turns the force on, slowly. From then on you feel the tool."],
   ["[data-service='disable']", "Disable", "Turns the force off. The handle moves freely."],
   ["[data-service='reset']", "Reset", "Clears a fault. Press Engage afterwards."],
