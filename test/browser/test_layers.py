@@ -216,6 +216,14 @@ def test_the_line_at_the_foot_explains_what_is_pointed_at_and_what_has_the_focus
     assert "stiffness" in tab.text("about")
 
 
+def test_on_a_phone_a_touch_explains_what_it_touches_but_hides_nothing_of_the_plane(opened):
+    tab = opened(PHONE, has_touch=True, is_mobile=True)
+    tab.page.tap("#scene")
+    assert not tab.page.is_visible("#about")
+    tab.page.tap("#record")
+    assert tab.page.is_visible("#about") and tab.text("about").startswith("Record: ")
+
+
 def test_every_control_and_figure_has_a_description_in_words_and_all_stand_in_one_list(opened):
     tab = opened(expert=True)
     explained = f"{CONTROLS}, #readout > div, figure, .gauge"
