@@ -15,6 +15,7 @@ export class Strip {
     this.least = least;
     this.points = [];
     this.recolour();
+    new ResizeObserver(() => this.draw()).observe(canvas);
   }
 
   recolour() {
@@ -22,6 +23,7 @@ export class Strip {
     const found = colours(["soft", "line", "panel", ...named]);
     [this.ink, this.grid, this.ground] = [found.soft, found.line, found.panel];
     this.colours = named.map((name) => found[name]);
+    this.draw();
   }
 
   push(time, numbers) {
