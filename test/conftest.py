@@ -68,6 +68,7 @@ def ros_domain(tmp_path_factory):
     with pytest.MonkeyPatch.context() as environment:
         environment.delenv("ROS_DOMAIN_ID", raising=False)  # the person's own, which workers would share
         environment.setenv("ROS_LOG_DIR", str(folder))
+        environment.setenv("XDG_STATE_HOME", str(folder))  # the links of pages are none of the person's own
         with isolated_domain(folder) as domain:
             yield domain
 

@@ -25,6 +25,7 @@ from haptic_sim.supervision.domain import isolated_domain
 from haptic_sim.supervision.prepare import prepare, promise, value_of
 from haptic_sim.supervision.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible, undisturbed
 from haptic_sim.supervision.system import Order, Relay, is_served_by_others, led_by_hand, programs_of
+from haptic_sim.viewer.parameters import HOME_PORT
 
 _EXCHANGE = "Exchange method between driver and simulation."
 _PARAMS = "Operating point: a name in config or a YAML file."
@@ -50,7 +51,7 @@ def demo(
     loss: Annotated[float, number("--loss", "", 0.0, 1.0, help=_LOSS)] = 0.0,
     view: Annotated[bool, typer.Option("--view", help="Open a web page on which the mouse is the hand.")] = False,
     host: Annotated[str, typer.Option(help="Address of that page; beyond this machine it warns.")] = "127.0.0.1",
-    port: Annotated[int, whole("--port", 0, 65535, help="Its TCP port; 0: any that is free.")] = 0,
+    port: Annotated[int, whole("--port", 0, 65535, help="Its TCP port; 0: any that is free.")] = HOME_PORT,
 ) -> None:
     """Run device, driver, simulation and recorder on a scene. Exit code 0 only if the job was done."""
     started, order = time.monotonic() - (time.time() - psutil.Process().create_time()), None

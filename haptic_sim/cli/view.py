@@ -8,16 +8,21 @@ import typer
 from haptic_sim.cli.keys import stop_key
 from haptic_sim.cli.numbers import whole
 from haptic_sim.supervision.processes import NAMESPACE, ros_arguments
+from haptic_sim.viewer.kept_tokens import forget
+from haptic_sim.viewer.parameters import HOME_PORT
 
 
 def view(
     namespace: Annotated[str, typer.Option(help="Namespace of the system.")] = NAMESPACE,
     host: Annotated[str, typer.Option(help="Address to listen on; beyond this machine it warns.")] = "127.0.0.1",
-    port: Annotated[int, whole("--port", 0, 65535, help="TCP port; 0: any that is free.")] = 0,
+    port: Annotated[int, whole("--port", 0, 65535, help="TCP port; 0: any that is free.")] = HOME_PORT,
+    new_link: Annotated[bool, typer.Option("--new-link", help="New links; the old ones open nothing more.")] = False,
 ) -> None:
     """Show a running system on a local web page, where the mouse is the hand. Ctrl-C is the normal end."""
     from haptic_sim.viewer.viewer import main
 
+    if new_link:
+        forget()
     with stop_key() as stop:
         code = main(ros_arguments(namespace, {"host": host, "port": port}), stop)
     if code:

@@ -3,8 +3,9 @@
 
 import hmac
 import ipaddress
-import secrets
 import socket
+
+from haptic_sim.viewer.kept_tokens import fresh
 
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; connect-src 'self'; frame-ancestors 'none'; "
@@ -23,10 +24,10 @@ NOBODY = {4: "192.0.2.1", 6: "2001:db8::1"}  # addresses of documentation: nothi
 
 
 class Guard:
-    """Two random tokens: of the page with control, and of the one that only looks on. host: where it listens."""
+    """Two tokens: of the page with control, and of the one that only looks on. host: where it listens."""
 
     def __init__(self, host: str):
-        self.control, self.look = secrets.token_urlsafe(16), secrets.token_urlsafe(16)
+        self.control, self.look = fresh()
         self._own, machine = is_loopback(host), socket.gethostname().lower()
         self._names = {host.lower(), machine, f"{machine}.local"}
 

@@ -3,12 +3,14 @@
 
 from haptic_device.parameter_types import Group, fixed, parameters_of
 
+HOME_PORT = 8723
+
 
 class Viewer(Group):
     """haptic_viewer."""
 
     host: str = fixed("127.0.0.1", "", "address it listens on; anything but this machine's own is warned of")
-    port: int = fixed(0, "", "TCP port; 0: any that is free", 0, 65535)
+    port: int = fixed(HOME_PORT, "", "TCP port; the default goes on to the next free one; 0: any", 0, 65535)
     rate: float = fixed(60.0, "Hz", "frames sent to each page, at most", 1.0, 120.0)
     marker_rate: float = fixed(30.0, "Hz", "markers, while somebody listens", 1.0, 120.0)
     hand_speed: float = fixed(1.0, "m/s", "fastest motion of the hand's target that a page may ask for", 0.01, 3.0)

@@ -2,6 +2,7 @@
 """The web server: static files, a websocket a page, the operating point as a file. Everything behind a token."""
 
 import asyncio
+import errno
 import os
 import socket
 from pathlib import Path
@@ -9,15 +10,18 @@ from pathlib import Path
 from aiohttp import web
 
 from haptic_device.os_errors import in_words
-from haptic_sim.viewer.guard import ALONE, HEADERS, Guard, reachable
+from haptic_sim.viewer.guard import ALONE, HEADERS, Guard, is_loopback, reachable
+from haptic_sim.viewer.kept_tokens import kept
 from haptic_sim.viewer.loading import LARGEST
 from haptic_sim.viewer.messages import LONGEST
+from haptic_sim.viewer.parameters import HOME_PORT
 from haptic_sim.viewer.session import Session, encoded
 
 WEB = Path(__file__).with_name("web")
 TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}  # on any machine
 ALONE_TYPES = {".html": "text/html; charset=utf-8", ".gif": "image/gif"}
 MOST_PAGES = 16
+PORTS = 16  # tried from HOME_PORT on
 MOST_CONNECTIONS = 64  # of one address: more than all pages there can be, and what their browsers fetch
 HANDSHAKE = 10.0  # s for a first request, and from one request to the next
 
@@ -25,17 +29,20 @@ HANDSHAKE = 10.0  # s for a first request, and from one request to the next
 class Server:
     """welcome(session) tells a page that has come what there is; do(message, session) does what it asks for; save() is
     the file of the operating point, load(file) takes such a file and gives the sentence that says what it has set;
-    recorded(file, names) is a page of recordings, as Recordings.page."""
+    recorded(file, names) is a page of recordings, as Recordings.page. notes: sentences on its addresses, once it has
+    started."""
 
     def __init__(self, host: str, port: int, welcome, do, save, load, recorded=None):
-        self.guard, self.sessions = Guard(host), []
+        self.guard, self.sessions, self.notes = Guard(host), [], []
         self._host, self._port, self._welcome, self._do, self._save = host, port, welcome, do, save
         self._load, self._recorded = load, recorded
         self._files = {path.name: path for path in WEB.iterdir() if path.suffix in TYPES}  # all that can be fetched
         self._runner = self._listener = self._limit = None
 
     async def start(self) -> None:
-        """Listens. ValueError, one sentence, if the address is taken or there is none of this name."""
+        """Listens. ValueError, one sentence, if the address is taken or there is none of this name.
+
+        On this machine alone, and on the port that was asked for, the links are those of the last time."""
         app = web.Application(middlewares=[self._guarded], client_max_size=LARGEST)
         app.router.add_get("/{token}/socket", self._open_socket)
         app.router.add_get("/{token}/operating_point.yaml", self._operating_point)
@@ -45,12 +52,25 @@ class Server:
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, keepalive_timeout=HANDSHAKE)
         await self._runner.setup()
         self._limit = ConnectionLimit(self._runner.server)
-        try:
-            self._listener = await asyncio.get_running_loop().create_server(self._limit, self._host, self._port)
-        except OSError as error:  # its text is that of the library, for a taken port with a number in brackets
-            why = error.strerror if isinstance(error, socket.gaierror) else os.strerror(error.errno)
-            raise ValueError(f"no page can be served on host {self._host!r}, port {self._port}: {why}") from None
-        self._port = self._listener.sockets[0].getsockname()[1]
+        asked = self._port
+        self._port = await self._listen(range(asked, asked + (PORTS if asked == HOME_PORT else 1)))
+        if asked not in (0, self._port):
+            self.notes.append(f"port {asked} is taken: this page has port {self._port}, and links for this time only")
+        elif asked and is_loopback(self._host):
+            (self.guard.control, self.guard.look), note = kept()
+            self.notes += [note] if note else []
+
+    async def _listen(self, ports):
+        """The first of these ports that is free."""
+        for port in ports:
+            try:
+                self._listener = await asyncio.get_running_loop().create_server(self._limit, self._host, port)
+                return self._listener.sockets[0].getsockname()[1]
+            except OSError as error:  # its text is that of the library, for a taken port with a number in brackets
+                if error.errno == errno.EADDRINUSE and port != ports[-1]:
+                    continue
+                why = error.strerror if isinstance(error, socket.gaierror) else os.strerror(error.errno)
+                raise ValueError(f"no page can be served on host {self._host!r}, port {port}: {why}") from None
 
     async def stop(self) -> None:
         """Closes all pages' connections."""

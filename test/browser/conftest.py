@@ -55,7 +55,7 @@ class System:
     def __init__(self, folder: Path):
         self.folder = folder
         command = [sys.executable, "-m", "haptic_sim.cli.main", "demo", "--view", "--out", str(folder / "run")]
-        command += ["--params", str(POINT)]
+        command += ["--params", str(POINT), "--port", "0"]
         self._keys, terminal = pty.openpty()
         self.process = subprocess.Popen(
             ending_with_us(command),

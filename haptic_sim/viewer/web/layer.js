@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Two layers: what everybody needs, and, on demand, what experts look at. What was chosen last stays.
 
+import { keep, recall } from "./memory.js";
+
 // Makes the button switch what carries data-layer="expert" on and off.
 export function layered(button) {
   const show = (expert) => {
@@ -9,8 +11,8 @@ export function layered(button) {
   };
   button.addEventListener("click", () => {
     const expert = !document.body.classList.contains("expert");
-    localStorage.setItem("layer", expert ? "expert" : "simple");
+    keep("layer", expert ? "expert" : "simple");
     show(expert);
   });
-  show(localStorage.getItem("layer") === "expert");
+  show(recall("layer") === "expert");
 }

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Puts the page together: what comes from the viewer goes to the parts that show it, what people do goes back.
 
+import { explain } from "./about.js";
 import { element } from "./element.js";
 import { Banner } from "./faults.js";
+import { foldable } from "./folds.js";
 import { Hand, turning } from "./hand.js";
 import { driverOf, showHealth } from "./health.js";
 import { History } from "./history.js";
@@ -15,6 +17,7 @@ import { forgetUnsent, forgetWhenEdited } from "./refusals.js";
 import { SceneView } from "./scene.js";
 import { Strip } from "./strips.js";
 import { dress } from "./theme.js";
+import { entitled } from "./title.js";
 import { Tone } from "./tone.js";
 import { Tuning } from "./tuning.js";
 import { WallDots } from "./wall_dots.js";
@@ -57,6 +60,9 @@ const strips = [
 loading(byId("load"), byId("load_file"), () => history.keepAll(), (sentence, done) => say("tuning_answer", sentence, done));
 layered(byId("layer"));
 forgetWhenEdited();
+entitled(byId("state"));
+foldable(document.querySelector("aside"));
+explain(byId("explained"), byId("about"), byId("keys"));
 dress(byId("theme"), () => [view, ...strips].forEach((part) => part.recolour()));
 turning(byId("turn_left"), hand, 1);
 turning(byId("turn_right"), hand, -1);

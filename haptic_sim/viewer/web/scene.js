@@ -3,6 +3,7 @@
 
 import { line, nearest, path, placed, zigzag } from "./pen.js";
 import { Plane } from "./plane.js";
+import { colours } from "./theme.js";
 
 const PIXELS_PER_NEWTON = 6;
 const LONGEST_ARROW = 140;
@@ -23,8 +24,7 @@ export class SceneView {
   }
 
   recolour() {
-    const style = getComputedStyle(document.documentElement);
-    this.colours = Object.fromEntries(COLOURS.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+    this.colours = colours(COLOURS);
     this.stale = true;
   }
 

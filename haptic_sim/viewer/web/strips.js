@@ -3,6 +3,7 @@
 
 import { line } from "./pen.js";
 import { niceStep } from "./plane.js";
+import { colours } from "./theme.js";
 
 const SECONDS = 10;
 
@@ -14,15 +15,15 @@ export class Strip {
     this.least = least;
     this.points = [];
     this.recolour();
+    new ResizeObserver(() => this.draw()).observe(canvas);
   }
 
   recolour() {
-    const style = getComputedStyle(document.documentElement);
-    const colour = (name) => style.getPropertyValue(`--${name}`).trim();
-    this.ink = colour("soft");
-    this.grid = colour("line");
-    this.colours = this.curves.map((curve) => colour(curve.colour));
-    this.ground = colour("panel");
+    const named = this.curves.map((curve) => curve.colour);
+    const found = colours(["soft", "line", "panel", ...named]);
+    [this.ink, this.grid, this.ground] = [found.soft, found.line, found.panel];
+    this.colours = named.map((name) => found[name]);
+    this.draw();
   }
 
   push(time, numbers) {
@@ -30,7 +31,9 @@ export class Strip {
     while (this.points.length && this.points[0][0] < time - SECONDS) this.points.shift();
   }
 
+  // Nothing where it is not seen.
   draw() {
+    if (!this.canvas.clientWidth) return;
     const ratio = Math.min(2, window.devicePixelRatio || 1);
     const [width, height] = [this.canvas.clientWidth * ratio, this.canvas.clientHeight * ratio].map(Math.round);
     if (this.canvas.width !== width || this.canvas.height !== height) Object.assign(this.canvas, { width, height });

@@ -4,7 +4,6 @@
 import { element } from "./element.js";
 import { slider } from "./slider.js";
 
-export { element }; // of the other parts
 
 const OPEN = ["coupling", "cancellation"];
 const WALLS = "wall";

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// What each thing on the page is, in plain words: in one line at the foot of the page for what is pointed at or has the
+// focus, in the panel "What is what" for all, and to screen readers as the description of each control.
+
+const EXPERT = true;
+// What is explained (a selector), its name, what it is, and whether only experts see it.
+const WORDS = [
+  ["#state", "State", "Idle: the motor is off. Waiting: lead the handle to the tool. Engaged: you feel the tool. Fault: it stopped by itself."],
+  ["[data-service='enable']", "Engage", "Turns the force on, slowly. From then on you feel the tool."],
+  ["[data-service='disable']", "Disable", "Turns the force off. The handle moves freely."],
+  ["[data-service='reset']", "Reset", "Clears a fault. Press Engage afterwards."],
+  ["#estop", "E-STOP", "Cuts all force at once. So does the Esc key, wherever you are on this page."],
+  ["#layer", "Expert", "Shows all figures and settings, or only what everybody needs."],
+  ["#theme", "Colours", "Light, dark, or as your system has it."],
+  ["#scene", "Plane", "Blue dot: the handle. Orange: the tool. Green: the spring between them. Arrow: the force on the hand. Purple: contacts. Dashed: how far the handle goes."],
+  ["div:has(> #force)", "Force on the hand", "How hard the handle pushes your hand. 1 N is the weight of 100 g."],
+  ["div:has(> #torque)", "Torque", "How hard the handle twists your hand.", EXPERT],
+  ["div:has(> #stretch)", "Coupling stretched", "How far the tool is from the handle. The spring between them pulls the harder, the longer it is.", EXPERT],
+  ["#results > div", "Results", "How far the job is done, as the scene counts it."],
+  ["#turn_left, #turn_right", "Turn", "Turns the hand by 1°; keep it pressed to go on."],
+  ["#zoom_in, #zoom_out", "Zoom", "Shows a smaller or a larger part of the plane."],
+  ["#fit", "Whole scene", "Shows the whole scene again."],
+  ["figure:has(#strip_force)", "Force on the hand, last 10 s", "Line: what the motor gives. Dashed: what the hand feels."],
+  ["figure:has(#strip_energy)", "Energy", "Work given to the hand and to the tool since the start. Up: given; down: taken back.", EXPERT],
+  ["figure:has(#strip_age)", "Age of the tool sample", "How old the tool's place is when the motor uses it. Old news makes the feel softer.", EXPERT],
+  ["#scene_name", "Scene", "The tool and what it works on. Another one begins at its start."],
+  ["#start_scene", "Back to the start", "Puts tool and hand back to where the scene begins."],
+  ["#method_name", "Method", "How the computer works out the motion. Auto takes the best one for the scene.", EXPERT],
+  ["#save", "Save as YAML", "Downloads the present settings as a file that you can start with again.", EXPERT],
+  ["#record", "Record", "Writes all that happens into a file, until you press it again."],
+  ["#mark_text, #mark", "Mark", "Puts a word into the recording, to find the moment again."],
+  [".gauge:has(#margin)", "Passivity margin", "How much of the device's own friction is left to keep it from shaking by itself. None left: lower the gains.", EXPERT],
+  [".gauge:has(#margin_theta)", "Passivity margin about θ", "The same for turning.", EXPERT],
+  ["#figures", "Servo and exchange", "How late the motor's control loop runs (µs), how old the tool's place is (ms), and what was missed. 99 of 100 are below p99.", EXPERT],
+  ["#nodes", "Nodes", "The running programs and what each says. ● well, ▲ warning, ■ error.", EXPERT],
+  ["#offers", "Exchange", "How handle and tool talk to each other, and a delay to try out. A change starts the programs again.", EXPERT],
+  ["#tone", "Tone", "A sound that grows with the force.", EXPERT],
+  ["#looking", "Link to look on", "Whoever opens it sees all this and moves nothing.", EXPERT],
+  ["#rates", "Pictures per second", "How many come and are drawn, and how busy the viewer is.", EXPERT],
+  ["#words .fold", "What is what", "All these explanations in one list."],
+];
+
+// list: the <dl> that they are put into; line: where the one that is wanted is shown, else the text of `otherwise`.
+export function explain(list, line, otherwise) {
+  WORDS.forEach(([selector, name, text, expert], i) => {
+    const pair = document.createElement("div");
+    if (expert) pair.dataset.layer = "expert";
+    pair.append(made("dt", name), made("dd", text, `about_${i}`));
+    list.append(pair);
+    for (const one of document.querySelectorAll(selector)) describe(one, `about_${i}`);
+  });
+  const tell = (target) => {
+    const text = wordsOf(target) || wordsOf(document.activeElement);
+    if (line.textContent !== text) line.textContent = text;
+    line.dataset.otherwise = otherwise.textContent;
+  };
+  tell(document.body);
+  for (const name of ["pointerover", "focusin"]) document.addEventListener(name, ({ target }) => tell(target));
+}
+
+// Of the element, or of the control that it is the label of; "" where there is nothing to say.
+function wordsOf(target) {
+  const one = target.closest?.("label")?.control ?? target;
+  const found = WORDS.find(([selector]) => one.closest?.(selector));
+  return found ? `${found[1]}: ${found[2]}` : one.labels?.[0]?.querySelector("small")?.textContent ?? "";
+}
+
+function describe(one, id) {
+  const before = one.getAttribute("aria-describedby");
+  one.setAttribute("aria-describedby", before ? `${before} ${id}` : id);
+}
+
+function made(kind, textContent, id = "") {
+  return Object.assign(document.createElement(kind), id ? { textContent, id } : { textContent });
+}

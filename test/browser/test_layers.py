@@ -1,0 +1,343 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page without nodes: two layers, what it remembers, small windows, forced colours, explanations, its link."""
+
+import copy
+import io
+import itertools
+import socket
+
+import made_up
+import numpy as np
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from conftest import Tab
+from matplotlib.image import imread
+
+pytestmark = pytest.mark.timeout(300)
+
+SIMPLE = ("state", "estop", "scene", "force", "strip_force", "scene_name", "walls", "record")
+EXPERT = ("torque", "stretch", "strip_energy", "strip_age", "method_name", "tuning", "health", "study", "sharing")
+DESK, PHONE = (1400, 900), (390, 844)
+SIZES = DESK, (1280, 720), (900, 600), PHONE, (640, 360), (320, 180)  # the last two: 1280x720 at 200 % and 400 %
+CONTROLS = "button, select, input, summary, a"
+GIVEN = "#fault *, #task *, #walls *, #recording *, #sliders *"  # have words of their own
+HARM = ("moderate", "serious", "critical")
+
+
+@pytest.fixture(scope="module")
+def served():
+    served = made_up.MadeUp()
+    yield served
+    served.close()
+
+
+@pytest.fixture
+def opened(chromium, served):
+    """opened(size, expert=, address=, **context) is a page that shows the state; scripts: run before it."""
+    served.nodes, served.walls = copy.deepcopy(made_up.NODES), {}
+    tabs = []
+
+    def open_page(size=DESK, expert=False, scripts=(), **given):
+        tab = Tab(chromium, *size, expert=expert, **given)
+        tabs.append(tab)
+        for script in scripts:
+            tab.page.add_init_script(script)
+        tab.page.goto(served.address)
+        tab.until_text("state", "^engaged$")
+        return tab
+
+    yield open_page
+    for tab in tabs:
+        assert tab.complaints == []
+        tab.page.close()
+
+
+def visible(tab, names):
+    return [name for name in names if tab.page.is_visible(f"#{name}")]
+
+
+def fail(tab, served):
+    served.nodes["haptic_driver"] = made_up.FAULT
+    tab.until("document.getElementById('state').dataset.level === 'bad'")
+
+
+def test_the_page_is_simple_until_expert_is_pressed_and_that_stays_after_a_reload(opened):
+    tab = opened()
+    assert visible(tab, SIMPLE + EXPERT) == list(SIMPLE)
+    for _ in range(2):
+        tab.page.click("#layer")
+        pressed = tab.page.get_attribute("#layer", "aria-pressed")
+        shown = visible(tab, SIMPLE + EXPERT)
+        tab.page.reload()
+        tab.until_text("state", "^engaged$")
+        assert visible(tab, SIMPLE + EXPERT) == shown == list(SIMPLE + (EXPERT if pressed == "true" else ()))
+        assert tab.page.get_attribute("#layer", "aria-pressed") == pressed
+
+
+def test_the_colours_that_were_chosen_stay_after_a_reload(opened):
+    tab = opened(color_scheme="dark")
+    for theme in ("dark", "light", "dark", "dark"):  # as the system has it, light, dark, as the system has it
+        assert tab.page.get_attribute("html", "data-theme") == theme
+        tab.page.reload()
+        tab.until_text("state", "^engaged$")
+        assert tab.page.get_attribute("html", "data-theme") == theme
+        tab.page.click("#theme")
+
+
+def test_panels_and_lists_of_settings_fold_and_stay_so_after_a_reload(opened):
+    tab = opened(expert=True)
+    lists = "[...document.querySelectorAll('#sliders details')].map((one) => one.open).join()"
+    tab.until("document.querySelector('#sliders details')")
+    tab.page.click("#recording .fold")
+    tab.page.click("#words .fold")
+    tab.page.click("#sliders details:first-child summary")
+    tab.page.click("#sliders details:last-child summary")
+    assert visible(tab, ("record", "explained", "scene_name")) == ["explained", "scene_name"]
+    now = tab.page.evaluate(lists)
+    tab.page.reload()
+    tab.until(f"{lists} === {now!r}")
+    assert visible(tab, ("record", "explained", "scene_name")) == ["explained", "scene_name"]
+    assert tab.page.get_attribute("#recording .fold", "aria-expanded") == "false"
+
+
+@pytest.mark.parametrize(
+    "script",
+    (
+        "for (const name of ['layer', 'theme', 'folds']) localStorage.setItem(name, '[1, {\"');",
+        'localStorage.setItem(\'folds\', \'{"recording": 0, "scenery": "x", "words": null}\');',
+        "Object.defineProperty(window, 'localStorage', { get() { throw new Error('blocked'); } });",
+    ),
+    ids=("nonsense", "wrong_types", "blocked"),
+)
+def test_a_browser_that_remembers_nonsense_or_nothing_shows_the_simple_page(opened, script):
+    tab = opened(scripts=[script])
+    assert visible(tab, SIMPLE + EXPERT) == list(SIMPLE)
+    tab.page.click("#theme")
+    tab.page.click("#layer")
+    assert visible(tab, EXPERT) == list(EXPERT)
+
+
+def test_the_title_says_the_state_first_so_that_a_tab_in_the_background_shows_it(opened, served):
+    tab = opened()
+    assert tab.page.title() == "engaged — haptic_display"
+    fail(tab, served)
+    assert tab.page.title() == f"{tab.text('state')} — haptic_display" and "fault" in tab.page.title()
+
+
+def test_reset_is_there_for_everybody_only_after_a_fault(opened, served):
+    tab = opened()
+    assert not tab.page.is_visible("[data-service=reset]") and not tab.page.is_visible("#fault")
+    fail(tab, served)
+    assert tab.page.is_visible("[data-service=reset]") or tab.page.is_visible("#fault button")
+
+
+def in_both_layers(tab, sizes):
+    """Each size, in the simple layer and in that of experts."""
+    for width, height in sizes:
+        tab.page.set_viewport_size({"width": width, "height": height})
+        for _ in range(2):
+            tab.page.evaluate("document.getElementById('layer').click()")
+            yield width, height
+
+
+def test_at_every_size_e_stop_is_in_view_and_nothing_covers_it(opened, served):
+    tab = opened()
+    fail(tab, served)
+    for width, height in in_both_layers(tab, SIZES):
+        for place in (0, 1e6):
+            tab.page.evaluate(f"window.scrollTo(0, {place})")
+            box = tab.page.locator("#estop").bounding_box()
+            x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+            assert min(box["x"], box["y"], width - x - box["width"] / 2, height - y - box["height"] / 2) >= 0
+            assert tab.page.evaluate(f"document.elementFromPoint({x}, {y}).closest('#estop') !== null")
+
+
+def test_at_every_size_nothing_is_cut_and_nothing_scrolls_sideways(opened, served):
+    tab = opened()
+    served.walls = made_up.WALLS
+    fail(tab, served)
+    for width, _ in in_both_layers(tab, SIZES):
+        assert cut(tab) == []
+        assert tab.page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def cut(tab):
+    """What is wider inside than outside."""
+    return tab.page.evaluate("""[...document.querySelectorAll('body, body *')]
+        .filter((one) => one.checkVisibility() && !one.matches('h1, input, select, option, .hidden'))
+        .filter((one) => one.scrollWidth > one.clientWidth + 1 && getComputedStyle(one).display !== 'inline')
+        .map((one) => one.id || one.className || one.textContent)""")
+
+
+def test_whatever_can_be_pressed_is_at_least_44_pixels_wide_and_high_with_its_label(opened, served):
+    tab = opened()
+    served.walls = made_up.WALLS
+    tab.until("document.querySelectorAll('#sliders .walls input, #walls input').length > 0")
+    tab.page.evaluate("document.querySelectorAll('details').forEach((one) => (one.open = true))")
+    for _ in in_both_layers(tab, SIZES):
+        assert small(tab) == []
+
+
+def small(tab):
+    """What can be pressed, smaller than a finger; a label belongs to its control."""
+    return tab.page.evaluate(f"""[...document.querySelectorAll({CONTROLS!r})].filter((one) => one.checkVisibility())
+        .map((one) => {{
+            const boxes = [one, ...(one.labels ?? [])].map((part) => part.getBoundingClientRect());
+            const size = (low, high) => Math.max(...boxes.map((b) => b[high])) - Math.min(...boxes.map((b) => b[low]));
+            return [one.id || one.textContent, size('left', 'right'), size('top', 'bottom')];
+        }}).filter(([, width, height]) => width < 43.9 || height < 43.9)""")
+
+
+def test_read_outs_keys_and_buttons_do_not_lie_upon_one_another(opened):
+    tab = opened()
+    for size in in_both_layers(tab, SIZES):
+        places = [tab.page.locator(f"#{name}") for name in ("readout", "results", "tools", "keys")]
+        boxes = [place.bounding_box() for place in places if place.is_visible()]
+        for one, other in itertools.combinations(boxes, 2):
+            assert apart(one, other, "x", "width") or apart(one, other, "y", "height"), (size, one, other)
+
+
+def apart(one, other, at, long):
+    return one[at] >= other[at] + other[long] or other[at] >= one[at] + one[long]
+
+
+def test_the_line_at_the_foot_explains_what_is_pointed_at_and_what_has_the_focus(opened):
+    tab = opened(expert=True)
+    said = "getComputedStyle(document.getElementById('about'), '::before').content"
+    assert tab.text("about") == "" and tab.text("keys") in tab.page.evaluate(said)
+    tab.page.hover(".gauge:has(#margin)")
+    assert "own friction" in tab.text("about") and "shaking by itself" in tab.text("about")
+    tab.page.hover("label[for=tone]")
+    assert tab.text("about").startswith("Tone: ")
+    tab.page.hover("h1")
+    assert tab.text("about") == ""
+    tab.page.focus("#estop")
+    assert "Cuts all force at once" in tab.text("about")
+    tab.page.hover("h1")
+    assert "Cuts all force at once" in tab.text("about"), "what has the focus is explained while nothing is pointed at"
+    tab.page.focus("#tuned_coupling_stiffness")
+    assert "stiffness" in tab.text("about")
+
+
+def test_on_a_phone_a_touch_explains_what_it_touches_but_hides_nothing_of_the_plane(opened):
+    tab = opened(PHONE, has_touch=True, is_mobile=True)
+    tab.page.tap("#scene")
+    assert not tab.page.is_visible("#about")
+    tab.page.tap("#record")
+    assert tab.page.is_visible("#about") and tab.text("about").startswith("Record: ")
+
+
+def test_every_control_and_figure_has_a_description_in_words_and_all_stand_in_one_list(opened):
+    tab = opened(expert=True)
+    explained = f"{CONTROLS}, #readout > div, figure, .gauge"
+    undescribed = tab.page.evaluate(f"""[...document.querySelectorAll({explained!r})]
+        .filter((one) => one.checkVisibility() && !one.matches({GIVEN!r} + ', .fold, #offers *'))
+        .filter((one) => !one.getAttribute('aria-describedby')?.split(' ').every((id) => document.getElementById(id)))
+        .map((one) => one.id || one.outerHTML)""")
+    assert undescribed == []
+    tab.page.focus("#words .fold")
+    tab.page.keyboard.press("Enter")
+    count = "[...document.querySelectorAll('#explained > div')].filter((one) => one.checkVisibility()).length"
+    everything = tab.page.evaluate(count)
+    tab.page.click("#layer")
+    assert 10 < tab.page.evaluate(count) < everything
+    simple = tab.page.inner_text("body").lower()
+    assert [word for word in ("passivity", "coupling", "theta", "p99", "exchange", "sample") if word in simple] == []
+
+
+def test_the_keyboard_reaches_what_drives_first_then_the_plane_then_the_panels(opened):
+    tab = opened()
+    reached = []
+    for _ in range(6):
+        tab.page.keyboard.press("Tab")
+        reached.append(tab.page.evaluate("document.activeElement.dataset.service ?? document.activeElement.id"))
+    assert reached == ["enable", "disable", "layer", "theme", "estop", "scene"]
+
+
+def colour(tab, selector, what):
+    return tab.page.evaluate(f"getComputedStyle(document.querySelector({selector!r}))[{what!r}]")
+
+
+@pytest.mark.parametrize("scheme", ("light", "dark"))
+def test_with_forced_colours_everything_is_told_by_the_systems_own(opened, served, scheme):
+    tab = opened(expert=True, color_scheme=scheme, forced_colors="active")
+    served.walls = made_up.WALLS
+    canvas = tab.page.evaluate("""() => {
+        const probe = document.body.appendChild(document.createElement("p"));
+        Object.assign(probe.style, { forcedColorAdjust: "none", background: "Canvas" });
+        const found = getComputedStyle(probe).backgroundColor;
+        probe.remove();
+        return found;
+    }""")
+    filled = ("#estop", "#layer", "#margin i")
+    assert all(colour(tab, selector, "backgroundColor") != canvas for selector in filled)
+    assert colour(tab, "#estop", "borderTopWidth") == "3px"
+    fail(tab, served)
+    assert [name for name in ("state", "estop", "layer", "force", "health_title") if not legible(tab, name)] == []
+    corner = "[...document.querySelector('#strip_force').getContext('2d').getImageData(1, 1, 1, 1).data]"
+    tab.until(f"'rgb(' + {corner}.slice(0, 3).join(', ') + ')' === {canvas!r}")
+    tab.shot(f"forced_{scheme}")
+
+
+def legible(tab, name):
+    """Whether where its first words are something is much brighter than something else."""
+    tab.page.locator(f"#{name}").scroll_into_view_if_needed()
+    clip = tab.page.evaluate(f"""() => {{
+        const words = document.createRange();
+        words.selectNodeContents(document.createTreeWalker(document.getElementById({name!r}), NodeFilter.SHOW_TEXT).nextNode());
+        return words.getBoundingClientRect().toJSON();
+    }}""")
+    size = {side: clip[side] for side in ("x", "y", "width", "height")}
+    picture = imread(io.BytesIO(tab.page.screenshot(clip=size)))[2:-2, 2:-2, :3]
+    return np.ptp(picture.mean(axis=2)) > 0.5
+
+
+@pytest.mark.parametrize(("wish", "duration"), (("reduce", "0s"), ("no-preference", "1s")))
+def test_who_wants_less_motion_gets_none(opened, wish, duration):
+    tab = opened(reduced_motion=wish)
+    tab.page.evaluate("document.querySelector('#state').style.transition = 'color 1s'")
+    assert colour(tab, "#state", "transitionDuration") == duration
+
+
+@pytest.mark.parametrize("size", (DESK, PHONE), ids=("desk", "phone"))
+def test_axe_finds_nothing_moderate_or_worse_in_either_layer_with_a_fault_and_with_walls(opened, served, size):
+    tab, found = opened(size), {}
+    served.nodes["haptic_driver"] = made_up.WITHHELD
+    tab.until("document.getElementById('state').dataset.level === 'warn'")
+    tab.page.click("#words .fold")
+    for step in ("simple", "expert with a fault", "simple with a fault"):
+        if step == "expert with a fault":
+            tab.page.click("#layer")
+            served.walls = made_up.WALLS
+            tab.until("document.querySelectorAll('#sliders .walls input, #walls input').length > 0")
+            fail(tab, served)
+        elif step == "simple with a fault":
+            tab.page.click("#layer")
+        for scheme in ("light", "dark", "forced"):
+            forced = "active" if scheme == "forced" else "none"
+            tab.page.emulate_media(color_scheme="light" if scheme == "light" else "dark", forced_colors=forced)
+            found[f"{step}, {scheme}"] = harm(tab)
+        tab.shot(f"{step.replace(' ', '_')}_{size[0]}")
+    assert found == dict.fromkeys(found, [])
+
+
+def harm(tab):
+    """What axe finds moderate or worse: rule and elements."""
+    found = Axe().run(tab.page).response["violations"]
+    return [(rule["id"], [node["target"] for node in rule["nodes"]]) for rule in found if rule["impact"] in HARM]
+
+
+def test_a_page_whose_viewer_was_started_anew_goes_on_by_itself_with_the_same_link(chromium, monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    first, tab = made_up.MadeUp(port), Tab(chromium)
+    tab.page.goto(first.address)
+    tab.until_text("state", "^engaged$")
+    first.close()
+    tab.until_text("state", "no viewer")
+    again = made_up.MadeUp(port)
+    tab.until_text("state", "^engaged$")
+    assert again.address == first.address and not tab.page.is_visible("#banner")
+    tab.page.close()
+    again.close()

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Links that stay: the same tokens at each start, in a file of this user alone, and fresh ones where that cannot be."""
+
+import asyncio
+import os
+import socket
+import stat
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from in_process import haptic
+
+from haptic_sim.viewer import kept_tokens
+from haptic_sim.viewer import server as server_module
+from haptic_sim.viewer.server import PORTS, Server
+
+
+@pytest.fixture
+def home(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    return tmp_path / "state" / "haptic_display"
+
+
+def mode(path):
+    return stat.S_IMODE(path.stat().st_mode)
+
+
+def started(port, host="127.0.0.1"):
+    """Tokens, port and notes of a server that has started, and has stopped again."""
+
+    async def live():
+        server = Server(host, port, None, None, None)
+        await server.start()
+        found = (server.guard.control, server.guard.look), int(server.address(True).split(":")[2].split("/")[0])
+        await server.stop()
+        return *found, server.notes
+
+    return asyncio.run(live())
+
+
+def free():
+    """A port that was free a moment ago."""
+    with socket.create_server(("127.0.0.1", 0)) as found:
+        return found.getsockname()[1]
+
+
+def test_a_page_has_the_same_links_at_its_next_start(home):
+    port = free()
+    assert started(port) == started(port)
+
+
+def test_another_user_can_neither_list_nor_read_the_tokens(home):
+    home.mkdir(parents=True, mode=0o755)
+    (control, look), note = kept_tokens.kept()
+    assert note == "" and (mode(home), mode(home / "links")) == (0o700, 0o600)
+    assert (home / "links").read_text() == f"{control}\n{look}\n" and control != look
+    assert [path.name for path in home.iterdir()] == ["links"]
+
+
+@pytest.mark.parametrize("rights", (0o640, 0o620, 0o604, 0o602, 0o610))
+def test_a_file_that_others_may_use_is_replaced_and_that_is_said(home, rights):
+    before, _ = kept_tokens.kept()
+    (home / "links").chmod(rights)
+    after, note = kept_tokens.kept()
+    assert not set(after) & set(before) and mode(home / "links") == 0o600
+    assert note == f"{home / 'links'} could be read or written by others: the links are new"
+    assert kept_tokens.kept() == (after, "")
+
+
+@pytest.mark.parametrize("rights", (0o600, 0o400))
+def test_a_file_of_this_user_alone_is_taken(home, rights):
+    before, _ = kept_tokens.kept()
+    (home / "links").chmod(rights)
+    assert kept_tokens.kept() == (before, "")
+
+
+def test_a_link_to_a_file_elsewhere_is_replaced_and_the_file_is_left_alone(home, tmp_path):
+    before, _ = kept_tokens.kept()
+    elsewhere = tmp_path / "elsewhere"
+    (home / "links").rename(elsewhere)
+    (home / "links").symlink_to(elsewhere)
+    after, note = kept_tokens.kept()
+    assert not set(after) & set(before) and "the links are new" in note
+    assert not (home / "links").is_symlink() and elsewhere.read_text() == "{}\n{}\n".format(*before)
+
+
+def test_a_pipe_in_the_place_of_the_file_holds_nothing_up(home):
+    home.mkdir(parents=True)
+    os.mkfifo(home / "links", 0o600)
+    _, note = kept_tokens.kept()
+    assert "is no file of yours: the links are new" in note and (home / "links").is_file()
+
+
+@given(st.binary(max_size=120))
+def test_whatever_the_file_holds_two_tokens_come_out_and_only_whole_ones_are_taken(tmp_path_factory, content):
+    folder = tmp_path_factory.mktemp("state")
+    with pytest.MonkeyPatch.context() as environment:
+        environment.setenv("XDG_STATE_HOME", str(folder))
+        kept_tokens.kept()
+        (folder / "haptic_display" / "links").write_bytes(content)
+        tokens, note = kept_tokens.kept()
+    assert all(len(token) == 22 for token in tokens) and "holds no links" in note
+
+
+def test_where_nothing_can_be_kept_the_links_are_fresh_each_time_and_the_reason_is_said(monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
+    (one, note), (other, _) = kept_tokens.kept(), kept_tokens.kept()
+    assert not set(one) & set(other)
+    assert note.startswith("the links change at each start: ") and note.endswith(": Not a directory")
+
+
+def test_a_relative_state_folder_is_not_one(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_STATE_HOME", "state")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert kept_tokens.place() == tmp_path / ".local/state/haptic_display/links"
+
+
+def test_a_page_on_any_free_port_and_one_that_is_open_to_others_have_fresh_links(home):
+    port = free()
+    mine = set(started(port)[0])
+    assert not mine & set(started(0)[0]) and not mine & set(started(port, "0.0.0.0")[0])
+    assert mine == set(started(port)[0])
+
+
+def test_the_default_port_goes_on_to_the_next_that_is_free_with_links_for_this_time_and_another_is_refused(
+    home, monkeypatch
+):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(ValueError, match=f"port {port}: Address already in use"):
+            started(port)
+        monkeypatch.setattr(server_module, "HOME_PORT", port)
+        tokens, found, [note] = started(port)
+        assert port < found < port + PORTS
+        assert note == f"port {port} is taken: this page has port {found}, and links for this time only"
+    assert not set(tokens) & set(started(port)[0])
+
+
+def test_view_with_new_link_makes_the_old_links_open_nothing(home, monkeypatch):
+    before, _ = kept_tokens.kept()
+    monkeypatch.setattr("haptic_sim.viewer.viewer.main", lambda args: 0)
+    assert haptic("view").returncode == 0 and kept_tokens.kept()[0] == before
+    assert haptic("view", "--new-link").returncode == 0
+    assert not set(kept_tokens.kept()[0]) & set(before)
+
+
+def test_old_links_that_cannot_be_removed_are_told_and_nothing_starts(home, monkeypatch):
+    (home / "links").mkdir(parents=True)
+    monkeypatch.setattr("haptic_sim.viewer.viewer.main", lambda args: pytest.fail("it started"))
+    done = haptic("view", "--new-link")
+    assert done.returncode == 1 and done.stderr == f"haptic: {home / 'links'}: Is a directory\n"
