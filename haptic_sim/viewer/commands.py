@@ -133,8 +133,8 @@ class CommandHandler:
             self._nodes.keep(self.values)
 
     async def heard(self) -> dict[str, dict]:
-        """The parameters of the nodes that are heard, asked for now. ValueError: one of them does not say its own, or none
-        is heard."""
+        """The parameters of the nodes that are heard, asked for now. ValueError: one does not say its own, or none is
+        heard."""
         if not self.state.statuses:
             raise ValueError("no node is heard of")
         return {node: await self._parameters(node) for node in settings.NODES if node in self.state.statuses}
