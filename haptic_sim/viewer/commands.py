@@ -150,7 +150,10 @@ class CommandHandler:
             self._nodes.keep(self.values)
 
     async def heard(self) -> dict[str, dict]:
-        """The parameters of the nodes that are heard, asked for now. ValueError: one of them does not say its own."""
+        """The parameters of the nodes that are heard, asked for now. ValueError: one does not say its own, or none is
+        heard."""
+        if not self.state.statuses:
+            raise ValueError("no node is heard of")
         return {node: await self._parameters(node) for node in settings.NODES if node in self.state.statuses}
 
     async def _parameters(self, node, *patience):
@@ -253,4 +256,5 @@ class CommandHandler:
         self.hand.release()
         said = await self._nodes.change(name, value)
         self.client.statuses.clear()  # of nodes that have ended
+        self.state.look()  # else the page would read the answer beside their last states
         return said

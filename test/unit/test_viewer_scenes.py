@@ -9,7 +9,7 @@ import pytest
 from haptic_device.description import load_device
 from haptic_sim.scene.drawing import drawing_of
 from haptic_sim.scene.language import load
-from haptic_sim.viewer import scene_controller
+from haptic_sim.viewer import messages, scene_controller
 from haptic_sim.viewer.commands import EDGE, CommandHandler
 from haptic_sim.viewer.scene_controller import SceneController
 from haptic_sim.viewer.settings import SIMULATION
@@ -160,6 +160,24 @@ def test_what_is_saved_is_asked_of_each_node_that_is_heard_and_not_remembered(ha
     handler.state.statuses["haptic_simulation"] = None
     with pytest.raises(ValueError, match="haptic_simulation does not answer"):
         asyncio.run(handler.heard())
+    handler.state.statuses = {}
+    with pytest.raises(ValueError, match="no node is heard of"):
+        asyncio.run(handler.heard())
+
+
+def test_nodes_that_are_started_again_are_not_shown_as_their_forerunners_were():
+    node, asked = types.SimpleNamespace(create_publisher=lambda *words: None), []
+
+    async def change(name, value):
+        asked.append((name, value))
+        return "started again"
+
+    client = types.SimpleNamespace(node=node, prepare=lambda *services: None, statuses={"haptic_driver": "engaged"})
+    state = types.SimpleNamespace(statuses=dict(client.statuses))
+    state.look = lambda: setattr(state, "statuses", dict(client.statuses))
+    handler = CommandHandler(client, state, (1.0, 1.0), types.SimpleNamespace(change=change))
+    assert asyncio.run(handler.do(messages.Restart(name="delay", value=5.0), None)) == "started again"
+    assert asked == [("delay", 5.0)] and state.statuses == {}
 
 
 def test_a_page_leads_no_hand_to_the_edge_of_the_workspace_but_draws_all_of_it(handler):
