@@ -69,7 +69,7 @@ def test_each_way_to_stop_stops_and_back_to_the_start_repairs(system, tab, chrom
             lambda began=began: any(at > began and force == 0.0 for at, force in listener.motor()), "the motor at zero"
         )
         for page in (tab, looking):
-            page.until_text("state", "fault: estop")
+            page.until_text("state", "fault: Emergency stop")
         listener.until(lambda: apart(listener) < 1e-3, "a hand that has let go")
         tab.page.click("#start_scene")
         tab.until_text("state", "^engaged$")
