@@ -32,7 +32,7 @@ class Server:
     recorded(file, names) is a page of recordings, as Recordings.page. notes: sentences on its addresses, once it has
     started."""
 
-    def __init__(self, host: str, port: int, welcome, do, save, load, recorded=None):
+    def __init__(self, host: str, port: int, welcome, do, save=None, load=None, recorded=None):
         self.guard, self.sessions, self.notes = Guard(host), [], []
         self._host, self._port, self._welcome, self._do, self._save = host, port, welcome, do, save
         self._load, self._recorded = load, recorded

@@ -63,7 +63,7 @@ class MadeUp:
         self._thread.join()
 
     async def _live(self):
-        server = Server("127.0.0.1", self._port, self._welcome, self._do, None, None)
+        server = Server("127.0.0.1", self._port, self._welcome, self._do)
         await server.start()
         self.address, self.looking = server.address(True), server.address(False)
         self._ready.set()

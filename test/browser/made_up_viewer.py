@@ -56,7 +56,7 @@ class MadeUpViewer:
         return asyncio.run_coroutine_threadsafe(doing, self._loop).result(30.0)
 
     async def _serve(self):
-        server = Server("127.0.0.1", 0, self._welcome, self._do, None, None)
+        server = Server("127.0.0.1", 0, self._welcome, self._do)
         await server.start()
         return server
 

@@ -173,7 +173,7 @@ class Told:
 
     def __init__(self, news):
         self.asked, self._news, self._loop = [], news, asyncio.new_event_loop()
-        self.server = Server("127.0.0.1", 0, self._welcome, self._do, None)
+        self.server = Server("127.0.0.1", 0, self._welcome, self._do)
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
         self._thread.start()
         self._run(self.server.start())

@@ -30,7 +30,7 @@ def started(port, host="127.0.0.1"):
     """Tokens, port and notes of a server that has started, and has stopped again."""
 
     async def live():
-        server = Server(host, port, None, None, None)
+        server = Server(host, port, None, None)
         await server.start()
         found = (server.guard.control, server.guard.look), int(server.address(True).split(":")[2].split("/")[0])
         await server.stop()

@@ -716,5 +716,5 @@ def test_an_address_that_cannot_be_served_is_refused_by_its_name(host):
     with create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(ValueError) as refusal:
-            asyncio.run(Server(host, port, None, None, None, None).start())
+            asyncio.run(Server(host, port, None, None).start())
     assert re.fullmatch(rf"no page can be served on host '{host}', port {port}: [A-Z][\w ,]+", str(refusal.value))

@@ -108,7 +108,7 @@ def test_bags_of_the_folder_are_listed_the_newest_first(news, tmp_path):
 
 def served(recordings, visit):
     async def live():
-        server = Server("127.0.0.1", 0, lambda page: None, None, None, recordings.page)
+        server = Server("127.0.0.1", 0, lambda page: None, None, recorded=recordings.page)
         await server.start()
         async with aiohttp.ClientSession() as http:
             try:
