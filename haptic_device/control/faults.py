@@ -73,7 +73,7 @@ TABLE = (
         "position",
         "Handle outside the workspace",
         "the handle left the workspace of the device",
-        "the handle was at {axis} = {value:.4g} {unit}; the workspace ends at {limit:.4g} {unit}",
+        "the handle was at {axis} = {value:.6g} {unit}; the workspace ends at {limit:.6g} {unit}",
         THIS_TICK,
         "lead the handle back into the workspace",
     ),
