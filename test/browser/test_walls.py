@@ -349,9 +349,13 @@ def test_a_wall_that_is_moved_into_the_live_hand_is_no_fault(tab, listener):
     tab.until_text("wall_1_answer", "The hand is in the way: the wall stops at it.")
     tab.shot("wall_at_hand")
     tab.page.mouse.up()
+    tab.page.click("#wall_1_remove")
+    tab.until("document.querySelectorAll('.wall').length === 0")
     y = listener.truths[-1][1].position[1]
-    listener.set_walls(normals=[0.0, 1.0], offsets=[y + 0.03], stiffness=[500.0], damping=[0.0])  # not from a page
-    tab.until(f"Math.abs(document.querySelector('{field('wall_1_place')}').value - {1e3 * (y + 0.03)}) < 0.1")
+    wall = {"normals": [0.0, 1.0], "stiffness": [500.0], "damping": [0.0]}
+    listener.set_walls(**wall, offsets=[y - 0.01])
+    listener.set_walls(**wall, offsets=[y + 0.03])  # which no page asks for
+    tab.until("document.querySelectorAll('.wall').length === 1")
     since = len(listener.truths)
     listener.until(lambda: len(listener.truths) > since + 500, "a second of truths")
     assert tab.text("state") == "engaged"

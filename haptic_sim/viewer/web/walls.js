@@ -67,7 +67,8 @@ export class Walls {
   // Asks for another wall in the place of one. thing: which of it is changed.
   change(i, wanted, thing) {
     const wall = yielding(wanted, this.walls[i], this.view.frame?.handle);
-    this.ask(this.walls.map((old, j) => (j === i ? wall : old)), i, thing);
+    const walls = this.walls.map((old, j) => (j === i ? wall : old));
+    if (JSON.stringify(valuesOf(walls)) !== JSON.stringify(valuesOf(this.walls))) this.ask(walls, i, thing);
     if (wall !== wanted) this.say(i, "The hand is in the way: the wall stops at it.", true);
   }
 
