@@ -10,7 +10,9 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw
 
 from haptic_device.os_errors import naming
-from haptic_sim.film.reading import HANDLE, Array, Film
+from haptic_sim.film.clock import Array
+from haptic_sim.film.curves import HANDLE
+from haptic_sim.film.reading import Film
 from haptic_sim.scene.geometry import Outline, Point, Pose, turned
 from haptic_sim.scene.shapes import TOOL
 

@@ -11,27 +11,19 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_device.analysis.report.run import Run
-from haptic_device.control import withheld
 from haptic_device.parameter_types import SECTION
 from haptic_device.recording import load
 from haptic_device.recording.bag_contents import Joints
 from haptic_device.recording.columns import CloudColumns
 from haptic_device.recording.reader import Collector, Keep, read
+from haptic_sim.film.clock import Array, Clock
+from haptic_sim.film.curves import AXES, HANDLE, coupling_holds, curves_of, force_on_hand
 from haptic_sim.scene.drawing import Drawing, drawing_of
 from haptic_sim.scene.geometry import Outline, Vertices
 from haptic_sim.scene.language import Scene, parse
 from haptic_sim.scene.shapes import TOOL
 
-RATE = 60.0  # pictures a second
-MOST = 36_000  # pictures: of what is longer than ten minutes there are fewer a second
-STALE = 0.5  # [s] after which what was said counts no more
 EDGE = 0.005  # [m] that is seen around handle and tool
-AXES = ("x", "y", "theta")
-HANDLE, ENERGY = "handle", "energy"  # in scene/state, beside the solids
-NOT_HELD = sum(
-    getattr(withheld, name) for name in ("CLUTCH", "WAITING", "NO_TOOL", "FAR_TOOL", "OLD_TOOL", "TANK")
-)  # causes by which the coupling does not hold the tool as it is drawn
-Array = npt.NDArray[np.float64]
 
 
 class Film(NamedTuple):
@@ -67,54 +59,6 @@ class Film(NamedTuple):
         return len(self.coupled)
 
 
-class Clock:
-    """The even times of a film from begin to end [s]."""
-
-    def __init__(self, begin: float, end: float) -> None:
-        self.rate = min(RATE, MOST / max(end - begin, 1.0))
-        self.times = begin + np.arange(math.floor((end - begin) * self.rate) + 1) / self.rate
-
-    def nearest(self, times: Array) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.bool_]]:
-        """Of each picture, which of these times [s], rising, is nearest, and whether it counts: what was said counts
-        for STALE, what is said later does not yet."""
-        if not len(times):
-            return np.zeros(len(self.times), np.intp), np.zeros(len(self.times), bool)
-        right = np.clip(np.searchsorted(times, self.times), 1, max(1, len(times) - 1))
-        left = right - 1
-        right = np.minimum(right, len(times) - 1)
-        since, until = self.times - times[left], times[right] - self.times
-        found = np.where((np.abs(until) < np.abs(since)) & (until <= 1.0 / self.rate), right, left)
-        age = self.times - times[found]
-        return found, (age >= -1.0 / self.rate) & (age <= STALE)
-
-    def at(self, times: Array, values: Array) -> Array:
-        """The values nearest to each picture; NaN where there is none."""
-        order = np.argsort(times, kind="stable")
-        found, near = self.nearest(times[order])
-        shown = np.full((len(self.times), *values.shape[1:]), np.nan)
-        shown[near] = values[order[found[near]]]
-        return shown
-
-    def mean(self, times: Array, values: Array) -> Array:
-        """The mean of what belongs to each picture, else what is nearest."""
-        shown, (place, known) = self.at(times, values), self._cells(times, values)
-        count = np.bincount(place, minlength=len(self.times))
-        total = np.bincount(place, known, len(self.times))
-        return np.divide(total, count, out=shown, where=count > 0)
-
-    def largest(self, times: Array, values: Array) -> Array:
-        """The largest of what belongs to each picture, else what is nearest."""
-        shown, (place, known) = self.at(times, values), self._cells(times, values)
-        most = np.full(len(self.times), -np.inf)
-        np.maximum.at(most, place, known)
-        return np.where(np.isfinite(most), most, shown)
-
-    def _cells(self, times: Array, values: Array) -> tuple[npt.NDArray[np.intp], Array]:
-        place = np.round((times - self.times[0]) * self.rate)
-        chosen = np.isfinite(values) & (place >= 0) & (place < len(self.times))
-        return place[chosen].astype(np.intp), values[chosen]
-
-
 def film_of(run: Run) -> Film:
     """The film of a run. Raises ValueError if nothing of it can be seen: neither scene/state nor handle."""
     seen, notes = _Seen(run), []
@@ -126,7 +70,7 @@ def film_of(run: Run) -> Film:
         notes.append("the bag does not describe the scene that scene/state is of: bodies are not shown")
     drawing = drawing_of(scene) if scene else None
     places = _places(run, clock, state, drawing, notes)
-    curves = _curves(run, clock, state, places)
+    curves = curves_of(run, clock, state, places)
     return Film(
         run.name,
         drawing,
@@ -137,8 +81,8 @@ def film_of(run: Run) -> Film:
         float(clock.times[0]),
         places,
         curves,
-        _force(run, clock),
-        _coupled(run, clock),
+        force_on_hand(run, clock),
+        coupling_holds(run, clock),
         _contacts(run, clock, seen.clouds),
         run.marks,
         _first_contact(run),
@@ -218,64 +162,6 @@ def _places(
     if TOOL not in found or not np.isfinite(found[TOOL]).any():
         notes.append("no tool was heard of: the handle is shown alone")
     return {TOOL: np.full_like(found[HANDLE], np.nan)} | found
-
-
-def _curves(run: Run, clock: Clock, state: Joints | None, places: dict[str, Array]) -> dict[str, Array]:
-    nothing = np.full(len(clock.times), np.nan)
-    distance = 1e3 * np.hypot(*(places[TOOL] - places[HANDLE])[:, :2].T)
-    curves = {"motor": nothing, "felt": nothing, "stretch": distance, "given": nothing, "supplied": nothing}
-    curves |= {"age": nothing, "oldest": nothing}
-    if (motor := _motor(run)) is not None:
-        curves["motor"] = clock.mean(motor[0], np.hypot(*motor[1].T))
-    if (felt := _felt(run)) is not None:
-        curves["felt"] = clock.mean(felt[0], np.hypot(*felt[1].T))
-        if "energy_given" in run.ground_truth.names:
-            curves["given"] = 1e3 * clock.at(felt[0], run.ground_truth.entry("energy_given"))
-    if state is not None and ENERGY in state.names:
-        curves["supplied"] = 1e3 * clock.at(run.since(state.stamp), state.entry(ENERGY))
-    if run.traced:
-        age = np.where(run.rows["tool_age"] >= 0.0, 1e3 * run.rows["tool_age"].astype(float), np.nan)
-        curves["age"], curves["oldest"] = clock.mean(run.seconds, age), clock.largest(run.seconds, age)
-        if felt is None:  # nobody tells the truth: the servo's own account
-            curves["given"] = 1e3 * clock.at(run.seconds, run.rows["energy_given"].sum(axis=1, dtype=float))
-    return curves
-
-
-def _motor(run: Run) -> tuple[Array, Array] | None:
-    """Times [s], and force of the motor on the handle in x and y [N]; None if it was not recorded."""
-    if run.traced:
-        return run.seconds, run.rows["force_on_handle"][:, :2].astype(float)
-    try:
-        parts = [run.forces(axis).get("on handle") for axis in (0, 1)]
-    except ValueError:
-        return None
-    return None if parts[0] is None else (parts[0][0], np.stack([part[1] for part in parts if part], 1))
-
-
-def _felt(run: Run) -> tuple[Array, Array] | None:
-    """Times [s], and force that the operator's model felt in x and y [N]; None if it was not recorded."""
-    if "operator/state" not in run.recording.joints:
-        return None
-    truth = run.ground_truth
-    zero = np.zeros(len(truth.stamp))
-    force = [-truth.entry(axis, "effort") if axis in truth.names else zero for axis in AXES[:2]]
-    return np.asarray(run.ground_truth_seconds), np.stack(force, 1)
-
-
-def _force(run: Run, clock: Clock) -> Array:
-    """On the hand in x and y [N], (pictures, 2): as felt, else that of the motor."""
-    felt = _felt(run)
-    found = felt if felt is not None and len(felt[0]) else _motor(run)
-    if found is None:
-        return np.full((len(clock.times), 2), np.nan)
-    return np.stack([clock.mean(found[0], found[1][:, axis]) for axis in (0, 1)], 1)
-
-
-def _coupled(run: Run, clock: Clock) -> npt.NDArray[np.bool_]:
-    if not run.traced:
-        return np.ones(len(clock.times), bool)
-    bits = clock.at(run.seconds, np.asarray(run.rows["withheld"], float))
-    return (np.nan_to_num(bits).astype(np.int64) & NOT_HELD) == 0
 
 
 def _contacts(run: Run, clock: Clock, clouds: CloudColumns) -> list[tuple[int, float, float, float, float]]:

@@ -19,9 +19,10 @@ from stored_bags import records_of, write
 from haptic_device.analysis.report.reading import read_run
 from haptic_sim.film import page as pages
 from haptic_sim.film import reading
+from haptic_sim.film.clock import MOST, Clock
 from haptic_sim.film.gif import PERIOD, SECONDS, pictures_of
 from haptic_sim.film.page import page_of
-from haptic_sim.film.reading import Clock, film_of
+from haptic_sim.film.reading import film_of
 from haptic_sim.film.write import write_film
 
 TICKS = 6000  # 1.5 s
@@ -54,7 +55,7 @@ def test_a_second_of_a_recording_is_sixty_pictures(film):
 
 def test_what_is_longer_than_ten_minutes_has_fewer_pictures_a_second():
     assert len(Clock(0.0, 599.0).times) == 599 * 60 + 1
-    assert len(Clock(-1.0, 5999.0).times) == reading.MOST + 1
+    assert len(Clock(-1.0, 5999.0).times) == MOST + 1
 
 
 def test_handle_tool_and_moving_bodies_are_where_the_simulation_showed_them(film):
