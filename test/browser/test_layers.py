@@ -283,8 +283,9 @@ def legible(tab, name):
     """Whether where its first words are something is much brighter than something else."""
     tab.page.locator(f"#{name}").scroll_into_view_if_needed()
     clip = tab.page.evaluate(f"""() => {{
+        const walker = document.createTreeWalker(document.getElementById({name!r}), NodeFilter.SHOW_TEXT);
         const words = document.createRange();
-        words.selectNodeContents(document.createTreeWalker(document.getElementById({name!r}), NodeFilter.SHOW_TEXT).nextNode());
+        words.selectNodeContents(walker.nextNode());
         return words.getBoundingClientRect().toJSON();
     }}""")
     size = {side: clip[side] for side in ("x", "y", "width", "height")}
