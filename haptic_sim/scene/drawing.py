@@ -60,7 +60,7 @@ def drawing_of(scene: Scene) -> Drawing:
     there = {TOOL: scene.tool} | {body.name: body for body in scene.bodies}
     solids = tuple(Solid(one.name, one.fixed, one.outlines, one.pose) for one in there.values())
     joints = tuple(_marks(joint, there | {WORLD: None}) for joint in scene.joints)
-    task = scene.task and scene.task.model_dump(exclude={"way", "seconds"})
+    task = scene.task.model_dump(exclude={"way", "seconds"}) if scene.task else None
     way, seconds = _shown_way(scene)
     room = _room(scene, way)
     return Drawing(scene.name, scene.description, solids, joints, room, tuple(scene.measure), task, way, seconds)
@@ -78,7 +78,8 @@ def _shown_way(scene: Scene) -> tuple[tuple[Place, ...], float]:
 
 def corners(scene: Scene) -> list[Point]:
     """Of everything that ends somewhere, as it is at the start [m]; of a disc those of its box."""
-    return [corner for solid in (scene.tool, *scene.bodies) for corner in _corners(solid, solid.pose)]
+    solids: tuple[AnySolid, ...] = (scene.tool, *scene.bodies)
+    return [corner for solid in solids for corner in _corners(solid, solid.pose)]
 
 
 def _corners(solid: AnySolid, pose: Pose) -> Iterator[Point]:

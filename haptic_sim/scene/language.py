@@ -23,7 +23,6 @@ from haptic_sim.scene.motion import SECONDS, flat_motion
 from haptic_sim.scene.refusal import Unfit, found_wrong, is_unfit, with_stand_ins
 from haptic_sim.scene.shapes import TOOL, AnySolid, Body, Direction, Material, Number, Point, Pose, Positive, Tool
 
-
 LONGEST, MOST_PLACES = 200, 31  # characters of a text for people; poses of a way that is shown
 Words = Annotated[str, Field(min_length=1, max_length=LONGEST)]
 Share = Annotated[Number, Field(gt=0.0, le=1.0)]
@@ -64,8 +63,8 @@ class Measure(Part):
 
 
 class Task(Part):
-    """What people do in a scene, in their words. `done`: measure -> least fraction that counts as done, and `force`: the
-    force on the hand [N] in contact that does; all that are named have to be reached.
+    """What people do in a scene, in their words. It is done when each measure of `done` has reached its fraction and the
+    hand, if one is named, feels the `force` [N] in contact.
 
     `words` say how far it is, `{percent}` in them is the number. `next` names the scene that is offered when all is
     done. `way`: poses [m, m, rad] that the tool is shown to go through in so many `seconds`, the start's first; without

@@ -8,6 +8,7 @@ from haptic_device.nodes.messages import TRACE, String
 from haptic_sim.client import Client
 from haptic_sim.service_requests import change_state, get_parameters, set_parameters, state_of, trigger
 from haptic_sim.viewer import messages, settings
+from haptic_sim.viewer.guide import Guide
 from haptic_sim.viewer.hand import THERE, Hand, Limits
 from haptic_sim.viewer.scene_controller import SceneController
 from haptic_sim.viewer.settings import DRIVER, LOOPBACK, SIMULATION
@@ -19,6 +20,7 @@ CONFIGURE, ACTIVATE, DEACTIVATE = 1, 3, 4  # lifecycle transitions
 STOPPING = ("estop", "disable")
 EDGE = 0.01  # of the workspace at either end is where a page leads no hand
 LEADING = (messages.Aim, messages.LoadScene, messages.ChooseMethod, messages.StartScene)  # the hand
+ENDING = (*LEADING, messages.Trigger, messages.Restart)  # what the guide shows: somebody does something else
 AGAIN, PATIENCE = 0.4, 4.8  # s: a busy machine may hold a node up for seconds
 POLLED = 0.4  # s for an answer that is asked for every second anyway
 BAG = 20.0  # s that a recorder may take to open or close a bag
@@ -35,7 +37,7 @@ class CommandHandler:
     def __init__(self, client: Client, state: State, speeds: tuple[float, float], nodes=None):
         self.client, self.state, self.hand, self._nodes = client, state, Hand(), nodes
         self.values, self.device, self.problem, self.held_off = {}, None, "", False
-        self.scenes = SceneController(self)
+        self.scenes, self.guide = SceneController(self), Guide(self)
         self._speeds, self._asked_device, self._leader = speeds, None, None
         self._marks = client.node.create_publisher(String, "mark", TRACE)
         self._prepare()
@@ -75,8 +77,10 @@ class CommandHandler:
 
     async def do(self, message: messages.Command, session) -> str:
         """Does it for a page; returns the sentence that says what was done, "" if there is nothing to say."""
-        if isinstance(message, LEADING):
+        if isinstance(message, (*LEADING, messages.Guide)):
             self._leader = session
+        if isinstance(message, ENDING):
+            self.guide.stop()
         match message:
             case messages.Aim():
                 return self.aim(message.place)
@@ -90,6 +94,8 @@ class CommandHandler:
                 return await self.scenes.choose_method(message.name)
             case messages.StartScene():
                 return await self.scenes.start_again()
+            case messages.Guide():
+                return await self.guide.do(message.act)
             case messages.Mark():
                 return self._mark(message.text)
             case messages.Record():
@@ -132,7 +138,9 @@ class CommandHandler:
         [s]."""
         if not self.state.axes:
             self.hand.release()
+            self.guide.stop()
             return
+        self.guide.lead(now)
         truth, to_world = self.state.truth, self.state.to_world
         self.hand.listen(now, self._leader.heard if self._leader else 0)
         place = self.hand.lead(now, self.limits)

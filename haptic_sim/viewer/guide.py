@@ -1,118 +1,65 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plays the way that a scene suggests with the simulated hand: what is slowed is the hand's motion, never the physics."""
+"""Shows with the simulated hand how a scene's task is done, until somebody does something else."""
 
-import math
-from typing import NamedTuple
+import time
 
-from haptic_sim.scene.motion import Place
-
-ARM = 0.05  # [m] way that turning by a radian counts as
-SHARP = 0.5  # cosine of the bend from which on the hand stops at a corner: 60 degrees
-SLOW = 0.25  # of the speed
-STEPS = 10  # of the whole way
-LONGEST = 0.1  # s that one look counts at most: what the viewer has slept through is not caught up
-
-
-class Leg(NamedTuple):
-    """A part of the way that is led through in one go: its places, the way to each [m], its start and end in time, as
-    shares of the whole."""
-
-    places: tuple[Place, ...]
-    ways: tuple[float, ...]
-    start: float
-    end: float
+from haptic_sim.viewer.messages import AXES
+from haptic_sim.viewer.playback import PAUSED, PLAYING, Playback
+from haptic_sim.viewer.settings import DRIVER
 
 
 class Guide:
-    """`state` is off, playing or paused; `share` of the whole way's time that has been played; `slow`: at a quarter."""
+    """Of a command handler, whose hand and scenes it uses. `playback`: of the scene's suggested way."""
 
-    def __init__(self) -> None:
-        self.state, self.share, self.slow = "off", 0.0, False
-        self._legs: list[Leg] = []
-        self._seconds, self._until, self._looked = 1.0, 1.0, 0.0
+    def __init__(self, commands):
+        self._commands, self.playback, self._beginning = commands, Playback(), None
 
-    def begin(self, way: tuple[Place, ...], seconds: float, now: float) -> None:
-        """From the start. seconds: for all of it; now [s]. ValueError for a way that leads nowhere."""
-        self._legs = legs(way)
-        self._seconds, self.share = seconds, 0.0
-        self.go_on(now)
+    @property
+    def said(self) -> dict[str, str | float | bool]:
+        """What pages are told of it: state (off, starting, playing, paused), share of the way, whether it is slow."""
+        state = self.playback.state if self._beginning is None else "starting"
+        return {"state": state, "share": self.playback.share, "slow": self.playback.slow}
 
-    def go_on(self, now: float) -> None:
-        """To the end, from where it is."""
-        self.state, self._until, self._looked = "playing", 1.0, now
-
-    def step(self, now: float) -> None:
-        """One tenth further; then it is paused."""
-        self.go_on(now)
-        self._until = min(1.0, (math.floor(self.share * STEPS + 1e-9) + 1) / STEPS)
-
-    def pause(self) -> None:
-        """The hand stays where it is."""
-        self.state = "paused" if self.state == "playing" else self.state
+    async def do(self, act: str) -> str:
+        """play, pause, step, slow or fast. ValueError where there is no hand, no scene or no way."""
+        playback = self.playback
+        if act in ("slow", "fast"):
+            playback.slow = act == "slow"
+        elif act == "pause":
+            playback.pause()
+        elif self._beginning is None and (playback.state in (PLAYING, PAUSED) or await self._begin()):
+            self._commands.aim({})  # takes the hand, if it has been let go
+            (playback.step if act == "step" else playback.go_on)(time.monotonic())
+        return ""
 
     def stop(self) -> None:
-        """No more of it."""
-        self.state, self.share = "off", 0.0
+        """Somebody does something else with the hand."""
+        self._beginning = None
+        self.playback.stop()
 
-    def place(self, now: float) -> Place | None:
-        """Where the hand shall be now [m, m, rad]; None if it is not for the guide to say. now [s]."""
-        if self.state != "playing":
-            return None
-        elapsed, self._looked = min(LONGEST, now - self._looked), now
-        self.share = min(self._until, self.share + elapsed * (SLOW if self.slow else 1.0) / self._seconds)
-        place = along(self._legs, self.share)
-        if self.share == 1.0:
+    def lead(self, now: float) -> None:
+        """Gives the hand its next goal; to be called often. now [s]."""
+        if self.playback.state != PLAYING:
+            return
+        commands = self._commands
+        if commands.hand.goal is None or commands.state.said(DRIVER, "state") == "fault":
             self.stop()
-        elif self.share == self._until:
-            self.state = "paused"
-        return place
+            return
+        place = self.playback.place(now)
+        commands.hand.aim(dict(zip(AXES[: commands.state.axes], place, strict=False)), commands.limits)
 
-
-def legs(way: tuple[Place, ...]) -> list[Leg]:
-    """The parts of a way between its sharp corners, each with its share of the time by its length."""
-    pieces = _pieces([place for place, before in zip(way, (None, *way), strict=False) if place != before])
-    lengths = [_ways(piece)[-1] for piece in pieces]
-    total, found, begin = sum(lengths), [], 0.0
-    if total == 0.0:
-        raise ValueError("this scene shows no way")
-    for piece, length in zip(pieces, lengths, strict=True):
-        found.append(Leg(tuple(piece), _ways(piece), begin, begin + length / total))
-        begin += length / total
-    return found
-
-
-def along(parts: list[Leg], share: float) -> Place:
-    """The place after this share of the time: least jerk within each part, at rest at its ends."""
-    leg = next((part for part in parts if share < part.end), parts[-1])
-    s = min(1.0, max(0.0, (share - leg.start) / (leg.end - leg.start)))
-    come = leg.ways[-1] * s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
-    k = next((k for k in range(1, len(leg.ways) - 1) if come < leg.ways[k]), len(leg.ways) - 1)
-    t = min(1.0, (come - leg.ways[k - 1]) / (leg.ways[k] - leg.ways[k - 1]))
-    x, y, theta = (a + t * (b - a) for a, b in zip(leg.places[k - 1], leg.places[k], strict=True))
-    return x, y, theta
-
-
-def _pieces(way):
-    pieces = [way[:2]]
-    for place in way[2:]:
-        before, corner = pieces[-1][-2:]
-        if _bend(_step(before, corner), _step(corner, place)) > SHARP:
-            pieces[-1].append(place)
-        else:
-            pieces.append([corner, place])
-    return pieces
-
-
-def _ways(places):
-    ways = [0.0]
-    for before, place in zip(places, places[1:], strict=False):
-        ways.append(ways[-1] + math.hypot(*_step(before, place)))
-    return tuple(ways)
-
-
-def _step(a, b):
-    return b[0] - a[0], b[1] - a[1], ARM * (b[2] - a[2])
-
-
-def _bend(a, b):
-    return sum(x * y for x, y in zip(a, b, strict=True)) / (math.hypot(*a) * math.hypot(*b))
+    async def _begin(self):
+        """From the scene's start, to which the hand is led first; False if somebody has done something else then."""
+        commands, scene = self._commands, self._commands.state.scene
+        if scene is None:
+            raise ValueError("there is no scene whose way could be shown")
+        commands.aim({})  # refuses where no hand follows
+        beginning = self._beginning = object()
+        try:
+            await commands.scenes.start_again()
+        finally:
+            undisturbed = self._beginning is beginning
+            self._beginning = None if undisturbed else self._beginning
+        if undisturbed:
+            self.playback.begin(scene.way, scene.seconds)
+        return undisturbed

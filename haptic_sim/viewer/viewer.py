@@ -33,6 +33,7 @@ from haptic_sim.viewer.parameters import PARAMETERS
 from haptic_sim.viewer.server import Server
 from haptic_sim.viewer.settings import DRIVER
 from haptic_sim.viewer.state import State
+from haptic_sim.viewer.tasks import tasks
 
 STATUS_PERIOD, POLL_PERIOD = 0.25, 1.0  # s
 
@@ -121,6 +122,7 @@ class Viewer:
                 "control": session.control,
                 "declarations": settings.declarations(),
                 "scenes": names("scenes"),
+                "tasks": tasks(),
                 "methods": [AUTO, *offered()],
                 "looking": self.server.address(False),
             },
@@ -153,7 +155,7 @@ class Viewer:
             for name, status in self.state.statuses.items()
         }
         problem = (self._nodes.problem() if self._nodes else "") or self.state.problem or self.commands.problem
-        return {"nodes": found, "problem": problem, "viewer": self._own_figures()}
+        return {"nodes": found, "problem": problem, "viewer": self._own_figures(), "guide": self.commands.guide.said}
 
     def _own_figures(self):
         """Share of a core that this process takes, pages, frames sent per second to all of them."""

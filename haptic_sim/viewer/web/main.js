@@ -6,8 +6,10 @@ import { driverOf, showHealth } from "./health.js";
 import { layered } from "./layer.js";
 import { Link } from "./link.js";
 import { Panels, shown, stretch } from "./panels.js";
+import { panned } from "./panning.js";
 import { SceneView } from "./scene.js";
 import { Strip } from "./strips.js";
+import { TaskCard } from "./task.js";
 import { dress } from "./theme.js";
 import { Tone } from "./tone.js";
 import { Tuning, element } from "./tuning.js";
@@ -29,6 +31,8 @@ const tuning = new Tuning(byId("sliders"), (name, value) => {
 });
 const panels = new Panels(link);
 const tone = new Tone(byId("tone"));
+const task = new TaskCard(link, (name) => panels.ask("scene_answer", "loading", { do: "scene", name }));
+panned(view, document.querySelectorAll("[data-pan]")); // before the hand, which is not led by what moves the view
 const hand = new Hand(view, lead);
 const strips = [
   new Strip(byId("strip_force"), [{ label: "motor", colour: "force" }, { label: "felt", colour: "handle", dash: true }], 1),
@@ -57,11 +61,16 @@ setInterval(showRates, 1000);
 
 function take(kind, content) {
   if (kind === "hello") welcome(content);
-  else if (kind === "scene") view.setScene(content);
+  else if (kind === "scene") showScene(content);
   else if (kind === "values") showValues(content);
   else if (kind === "status") showStatus(content);
   else if (kind === "hint") hint(content);
   else if (kind === "answer") answered(content);
+}
+
+function showScene(scene) {
+  view.setScene(scene);
+  task.setScene(scene);
 }
 
 function welcome(news) {
@@ -69,6 +78,7 @@ function welcome(news) {
   document.body.classList.toggle("looking", !control);
   tuning.build(news.declarations);
   panels.welcome(news);
+  task.welcome(news);
 }
 
 function showValues(news) {
@@ -82,10 +92,11 @@ function showStatus(news) {
   status = news;
   showHealth(news, tuningNews);
   panels.showRecorder(news);
+  task.showGuide(news.guide);
 }
 
 function answered(answer) {
-  if (panels.answered(answer)) return;
+  if (task.answered(answer) || panels.answered(answer)) return;
   if (answer.to.do === "set") tuning.answered(answer);
   else if (!answer.done || answer.to.service === "estop") hint(answer.sentence);
 }
@@ -141,6 +152,7 @@ function showNumbers(frame) {
   put("force", withUnit(force && Math.hypot(force[0], force[1]), 2, "N"));
   put("torque", withUnit(force && force[2], 3, "N m"));
   put("stretch", withUnit(stretch(frame), 2, "mm"));
+  task.show(frame);
   const names = view.scene?.results ?? [];
   const place = byId("results");
   if (place.childElementCount !== names.length || place.dataset.names !== names.join()) build(place, names);
