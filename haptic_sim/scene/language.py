@@ -63,8 +63,8 @@ class Measure(Part):
 
 
 class Task(Part):
-    """What people do in a scene, in their words. It is done when each measure of `done` has reached its fraction and the
-    hand, if one is named, feels the `force` [N] in contact.
+    """What people do in a scene, in their words. It is done when each measure of `done` has reached its fraction, and
+    the hand feels `force` [N] in contact, if that is named.
 
     `words` say how far it is, `{percent}` in them is the number. `next` names the scene that is offered when all is
     done. `way`: poses [m, m, rad] that the tool is shown to go through in so many `seconds`, the start's first; without

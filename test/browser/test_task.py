@@ -136,8 +136,6 @@ def test_the_guide_plays_pauses_steps_and_slows_and_is_hidden_where_no_hand_can_
     page.until("document.getElementById('guide').hidden")
 
 
-
-
 @pytest.mark.parametrize("size", [(1280, 720), (390, 844)])
 def test_tool_way_and_its_end_are_on_the_screen_in_every_scene_with_a_task(page, size):
     page.page.set_viewport_size({"width": size[0], "height": size[1]})
