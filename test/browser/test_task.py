@@ -206,6 +206,32 @@ def test_the_view_moves_with_the_right_button_shift_and_buttons_and_zooms_about_
     assert len(stage.asked) == hand, "the hand was not led"
 
 
+def test_two_fingers_move_the_view_and_the_hand_lets_go(page, stage):
+    set_scene(page, stage, "peg_in_hole")
+    touch = page.page.context.new_cdp_session(page.page)
+    x, y = page.middle()
+
+    def fingers(kind, *places):
+        points = [{"x": px, "y": py, "id": k} for k, (px, py) in enumerate(places)]
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    held = "document.getElementById('scene').classList.contains('held')"
+    picture = "document.getElementById('scene').toDataURL()"
+    page.page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    page.page.evaluate(f"window.before = {picture}")
+    fingers("touchStart", (x, y))
+    page.until(held)
+    fingers("touchStart", (x, y), (x + 80, y))
+    page.until(f"!{held}")
+    led = len(stage.asked)
+    fingers("touchMove", (x, y + 40), (x + 120, y + 40))
+    page.until(f"{picture} !== window.before")
+    fingers("touchEnd")
+    page.page.click("#fit")
+    page.until(f"{picture} === window.before")
+    assert len(stage.asked) == led, "the hand was not led by what moved the view"
+
+
 def test_the_card_has_no_serious_findings_in_light_and_dark_and_its_targets_are_44_px(page, stage):
     set_scene(page, stage, "maze", results=[1.0])
     page.until_text("done", "Done")
