@@ -27,6 +27,8 @@ SAID = {
     "dict_type": MAPPED,
     "model_type": MAPPED,
     "model_attributes_type": MAPPED,
+    "string_too_short": "it should have a character at least",
+    "string_too_long": "it should have at most {max_length} characters",
     "too_short": "it has {actual_length} entries, and should have at least {min_length}",
     "too_long": "it has {actual_length} entries, and should have at most {max_length}",
     "literal_error": "it should be {expected}",

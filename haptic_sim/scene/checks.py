@@ -35,6 +35,13 @@ def wrong_names(solids: Solids, materials: Iterable[str], measured: dict[str, st
             yield f"measure.{key}.body is {name!r}; it must be one of {_listed(names)}"
 
 
+def wrong_goals(goals: Iterable[str], measured: Iterable[str]) -> Iterator[str]:
+    """Goals of a task that nothing measures."""
+    for goal in goals:
+        if goal not in measured:
+            yield f"task.done.{goal} is the fraction of no measure; measure has {_listed(measured)}"
+
+
 def wrong_joints(solids: Solids, joints: Iterable[Joint]) -> Iterator[str]:
     """Joints that are not between two bodies of which one can move, or that come apart."""
     there: dict[str, AnySolid | None] = {solid.name: solid for solid in solids} | {WORLD: None}

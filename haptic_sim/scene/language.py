@@ -19,9 +19,13 @@ from haptic_sim.method_registry import offered
 from haptic_sim.scene import checks
 from haptic_sim.scene.geometry import finest_feature
 from haptic_sim.scene.joints import AnyJoint
-from haptic_sim.scene.motion import flat_motion
+from haptic_sim.scene.motion import SECONDS, flat_motion
 from haptic_sim.scene.refusal import Unfit, found_wrong, is_unfit, with_stand_ins
-from haptic_sim.scene.shapes import TOOL, AnySolid, Body, Direction, Material, Number, Point, Positive, Tool
+from haptic_sim.scene.shapes import TOOL, AnySolid, Body, Direction, Material, Number, Point, Pose, Positive, Tool
+
+LONGEST, MOST_PLACES = 200, 31  # characters of a text for people; poses of a way that is shown
+Words = Annotated[str, Field(min_length=1, max_length=LONGEST)]
+Share = Annotated[Number, Field(gt=0.0, le=1.0)]
 
 
 class SceneError(ConfigError):
@@ -29,11 +33,14 @@ class SceneError(ConfigError):
 
 
 class Measure(Part):
-    """How far `point` of `body` has come along `axis`: 0 where its projection is `from`, 1 where it is `to` [m]."""
+    """How far `point` of `body` has come along `axis`: 0 where its projection is `from`, 1 where it is `to` [m].
+
+    Without an axis it is how far the body has turned: 0 where its angle is `from`, 1 where it is `to` [rad].
+    """
 
     body: str = TOOL
-    point: Point
-    axis: Direction
+    point: Point = (0.0, 0.0)
+    axis: Direction | None = None
     start: Annotated[Number, Field(alias="from")]
     end: Annotated[Number, Field(alias="to")]
 
@@ -45,10 +52,47 @@ class Measure(Part):
 
     def fraction(self, pose: tuple[float, float, float]) -> float:
         """Fraction of the way with the body at `pose` (x, y, theta)."""
+        return (self._come(pose) - self.start) / (self.end - self.start)
+
+    def _come(self, pose: tuple[float, float, float]) -> float:
+        if self.axis is None:
+            return pose[2]
         (x, y), (ax, ay), (px, py, theta) = self.point, self.axis, pose
         c, s = math.cos(theta), math.sin(theta)
-        along = ((px + c * x - s * y) * ax + (py + s * x + c * y) * ay) / math.hypot(ax, ay)
-        return (along - self.start) / (self.end - self.start)
+        return ((px + c * x - s * y) * ax + (py + s * x + c * y) * ay) / math.hypot(ax, ay)
+
+
+class Task(Part):
+    """What people do in a scene, in their words. It is done when each measure of `done` has reached its fraction, and
+    the hand feels `force` [N] in contact, if that is named.
+
+    `words` say how far it is, `{percent}` in them is the number. `next` names the scene that is offered when all is
+    done. `way`: poses [m, m, rad] that the tool is shown to go through in so many `seconds`, the start's first; without
+    it, those of the scene's motion.
+    """
+
+    title: Words
+    goal: Words
+    hint: Annotated[str, Field(max_length=LONGEST)] = ""
+    done: dict[str, Share] = {}
+    force: Annotated[Positive, Unit("N")] | None = None
+    words: Words = "{percent} %"
+    next: str = ""
+    way: Annotated[tuple[Pose, ...], Field(max_length=MOST_PLACES)] = ()
+    seconds: Annotated[Positive, Unit("s")] = SECONDS
+
+    @field_validator("words")
+    @classmethod
+    def _with_a_place_for_the_number(cls, value: str) -> str:
+        if value.count("{percent}") != 1:
+            raise ValueError("write {percent} once, where the number shall stand")
+        return value
+
+    @model_validator(mode="after")
+    def _can_be_done(self) -> Self:
+        if not self.done and self.force is None:
+            raise ValueError("needs done (measure: least fraction) or force in N")
+        return self
 
 
 class Scene(Part):
@@ -69,6 +113,7 @@ class Scene(Part):
     tool: Tool
     measure: dict[str, Measure] = {}
     motion: dict[str, Any] = {}
+    task: Task | None = None
 
     @field_validator("method")
     @classmethod
@@ -88,6 +133,7 @@ class Scene(Part):
         measured = {key: part.body for key, part in self.measure.items()}
         wrong = [
             *checks.wrong_names(solids, self.materials, measured),
+            *checks.wrong_goals(self.task.done if self.task else (), measured),
             *checks.wrong_joints(solids, self.joints),
             *checks.overlaps(solids, self.kept_apart),
             *checks.beyond_half_planes(solids),

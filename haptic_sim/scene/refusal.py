@@ -49,6 +49,8 @@ def with_stand_ins(content: dict[Any, Any], wrong: Iterable[tuple[int | str, ...
         bad.setdefault(key, set()).update(inner[:1])
     rest = {"name": ""} | {key: entries for key, entries in content.items() if key not in bad}
     rest |= {key: _mended(key, content[key], places) for key, places in bad.items() if places and key in _MENDED}
+    if "measure" in bad:
+        rest.pop("task", None)  # its goals are measures
     stood = {rest["bodies"][i]["name"] for i in bad.get("bodies", ())}
     if TOOL in bad:
         rest[TOOL], stood = _TOOL, stood | {TOOL}

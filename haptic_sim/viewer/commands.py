@@ -9,6 +9,7 @@ from haptic_device.nodes.messages import TRACE, String
 from haptic_sim.client import Client
 from haptic_sim.service_requests import change_state, get_parameters, set_parameters, state_of, trigger
 from haptic_sim.viewer import messages, settings
+from haptic_sim.viewer.guide import Guide
 from haptic_sim.viewer.hand import THERE, Hand, Limits
 from haptic_sim.viewer.leading_page import LeadingPage
 from haptic_sim.viewer.loading import point_in
@@ -25,6 +26,7 @@ STOPPING = ("estop", "disable")
 YIELDED = 5e-4  # [m, rad] between the hand's target and the handle, by which it pulls at nothing that is felt
 EDGE = 0.01  # of the workspace at either end is where a page leads no hand
 LEADING = (messages.LoadScene, messages.ChooseMethod, messages.StartScene, messages.Mend)  # lead the hand to a place
+ENDING = (*LEADING, messages.Aim, messages.Trigger, messages.Restart)  # after these the guide shows nothing more
 SLOW = (0.2, 3.0)  # m/s, rad/s at most, with which the hand is led to where a scene begins
 AGAIN, PATIENCE = 0.4, 4.8  # s: a busy machine may hold a node up for seconds
 POLLED = 0.4  # s for an answer that is asked for every second anyway
@@ -45,6 +47,7 @@ class CommandHandler:
         self.values, self.device, self.problem, self.held_off = {}, None, "", False
         self.began: dict = {}
         self.scenes, self.pages, self.recovery = SceneController(self), LeadingPage(self), Recovery(self, nodes)
+        self.guide = Guide(self)
         self.troubles = TroubleFinder(state, client, nodes)
         self._speeds, self._asked_device = speeds, None
         self._marks = client.node.create_publisher(String, "mark", TRACE)
@@ -105,8 +108,10 @@ class CommandHandler:
 
     async def do(self, message: messages.Command, session) -> str:
         """Does it for a page; returns the sentence that says what was done, "" if there is nothing to say."""
-        if isinstance(message, LEADING):
+        if isinstance(message, (*LEADING, messages.Guide)):
             self.pages.keeper = session
+        if isinstance(message, ENDING):
+            self.guide.stop()
         match message:
             case messages.Aim():
                 return self.pages.follow(session, message.place)
@@ -124,6 +129,9 @@ class CommandHandler:
                 return await self.scenes.choose_method(message.name)
             case messages.StartScene():
                 return await self.scenes.start_again()
+            case messages.Guide():
+                self.pages.check(session)
+                return await self.guide.do(message.act)
             case messages.Mark():
                 return self._mark(message.text)
             case messages.Record():
@@ -174,7 +182,9 @@ class CommandHandler:
         [s]."""
         if not self.state.axes:
             self.hand.release()
+            self.guide.stop()
             return
+        self.guide.lead(now)
         truth, to_world = self.state.truth, self.state.to_world
         self.hand.listen(now, self.pages.heard)
         place = self.hand.lead(now, self.limits)

@@ -20,13 +20,16 @@ class LeadingPage:
     def follow(self, session, place: dict[str, float]) -> str:
         """The hand goes where a page aims. ValueError if it is not this page's to lead, or not there."""
         self._refuse_while_changing()
-        hand = self._commands.hand
-        if hand.leader not in (None, session):
-            raise ValueError("another page leads the hand: press Take over")
+        self.check(session)
         self.keeper = session
         hint = self._commands.aim(place)
-        hand.leader = session
+        self._commands.hand.leader = session
         return hint
+
+    def check(self, session) -> None:
+        """ValueError if another page leads the hand."""
+        if self._commands.hand.leader not in (None, session):
+            raise ValueError("another page leads the hand: press Take over")
 
     def let_go(self, session) -> str:
         """The hand lets go, if this page leads it."""

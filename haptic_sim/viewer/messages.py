@@ -17,6 +17,7 @@ Switch = Annotated[bool, Field(description="true or false")]
 Text = Annotated[str, Field(max_length=TEXT, description="a text")]
 Item = bool | Whole | Number | Text
 Service = Literal["enable", "disable", "estop", "reset"]
+Act = Literal["play", "pause", "step", "slow", "fast"]
 SERVICES = get_args(Service)  # of the driver that a page may trigger
 VALUE = "a switch, a finite number, a text or a list of them"
 Value = Annotated[Item | list[Item], Field(description=VALUE)]
@@ -102,6 +103,13 @@ class StartScene(Message):
     do: Literal["start_scene"] = "start_scene"
 
 
+class Guide(Message):
+    """What the guide shall do, who shows the scene's suggested way with the hand."""
+
+    do: Literal["guide"] = "guide"
+    act: Annotated[Act, Field(description=f"one of {', '.join(get_args(Act))}")]
+
+
 class Mark(Message):
     """A mark in the bag."""
 
@@ -131,7 +139,19 @@ class Restart(Message):
 
 
 Command = (
-    Aim | Trigger | SetAll | LoadScene | ChooseMethod | StartScene | Mark | Record | Restart | LetGo | TakeOver | Mend
+    Aim
+    | Trigger
+    | SetAll
+    | LoadScene
+    | ChooseMethod
+    | StartScene
+    | Guide
+    | Mark
+    | Record
+    | Restart
+    | LetGo
+    | TakeOver
+    | Mend
 )
 PageMessage = Seen | Command
 _MODELS = {model.model_fields["do"].default: model for model in get_args(PageMessage)}

@@ -36,6 +36,7 @@ from haptic_sim.viewer.recordings import Recordings
 from haptic_sim.viewer.server import Server
 from haptic_sim.viewer.settings import DRIVER, SIMULATION
 from haptic_sim.viewer.state import State
+from haptic_sim.viewer.tasks import tasks
 from haptic_sim.viewer.unfelt import unfelt
 
 STATUS_PERIOD, POLL_PERIOD = 0.25, 1.0  # s
@@ -166,6 +167,7 @@ class Viewer:
                 "control": session.control,
                 "declarations": settings.declarations(),
                 "scenes": names("scenes"),
+                "tasks": tasks(),
                 "methods": [AUTO, *offered()],
                 "looking": self.server.address(False),
             },
@@ -209,6 +211,7 @@ class Viewer:
             "problem": problem,
             "trouble": trouble and trouble._asdict(),
             "unfelt": self._unfelt,
+            "guide": self.commands.guide.said,
             "viewer": self._own_figures(),
         }
 

@@ -65,7 +65,9 @@ def test_a_device_that_was_not_written_to_is_told_for_how_long():
     assert number(rows, runner.settings[0]) == "no command for 0.1 s"
 
 
-@pytest.mark.parametrize(("place", "said"), [(0.1201, True), (0.120005, True), (0.12, False), (-0.12, False), (-0.1201, True)])
+@pytest.mark.parametrize(
+    ("place", "said"), [(0.1201, True), (0.120005, True), (0.12, False), (-0.12, False), (-0.1201, True)]
+)
 def test_a_handle_within_the_workspace_is_not_said_to_be_outside(place, said):
     runner = pressing()
     row = np.concatenate(runner.rows).ravel()[-1:].copy()

@@ -24,6 +24,7 @@ AXIS |= {"mass": 0.1, "damping": 3.0}
 DEVICE = {"name": "sample", "axes": [{"name": name, **AXIS} for name in ("x", "y", "theta")]}
 LEAST, MOST = (f"it should be {bound} than or equal to" for bound in ("greater", "less"))
 MAPPED = "it should be a mapping of names to values"
+TASK = {"title": "Push", "goal": "Push the block.", "done": {"pushed": 0.9}}
 SPRING = {"type": "spring", "bodies": ["world", "block"], "anchors": [[0, 0], [0, 0]]}
 
 SCENES = [
@@ -56,6 +57,8 @@ SCENES = [
     (("joints", 0), {**SPRING, "stiffness": -1.0}, f"joints[0].stiffness is -1.0: {LEAST} 0 N/m"),
     (("joints", 0, "motor"), {"speed": "x", "max_torque": 1}, "joints[0].motor.speed is 'x': must be a number"),
     (("method",), "euler", "method is 'euler': there is no such method; take one of "),
+    (("task",), {**TASK, "title": ""}, "task.title is '': it should have a character at least"),
+    (("task",), {**TASK, "hint": "x" * 201}, f"task.hint is '{'x' * 201}': it should have at most 200 characters"),
     (("tool", "mas"), 1, "tool: has no key 'mas'; did you mean 'mass'?"),
 ]
 DEVICES = [

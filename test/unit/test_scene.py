@@ -70,6 +70,14 @@ def joint(kind, body="world", at=(0, 0), **more):
     return {"type": kind, "bodies": [body, "block"], **where, **more}
 
 
+TASK = {"title": "Push", "goal": "Push the block.", "done": {"pushed": 0.95}, "words": "{percent} % of the way"}
+
+
+def tasked(**changes):
+    """TASK with entries replaced; without those that are None."""
+    return {key: value for key, value in {**TASK, **changes}.items() if value is not None}
+
+
 J = ("joints", 0)
 APART = "'world' and 'block' are 5 mm apart", "[0.003, 0.004] m", "move a body or an anchor"
 SENTENCES = [
@@ -102,6 +110,23 @@ SENTENCES = [
     (("tool", "shapes", 0), {"circel": {"radius": 1}}, ["tool.shapes[0]: must have exactly one of", "circle"]),
     (("measure", "pushed", "axis"), [0, 0], ["measure.pushed.axis is [0, 0]", "some length"]),
     (("measure", "pushed", "body"), "blok", ["measure.pushed.body is 'blok'", "block"]),
+    (("measure", "pushed"), {"body": "block", "from": 1, "to": 1}, ["measure.pushed", "from and to that differ"]),
+    (("task",), tasked(title=None), ["task.title is missing", "add it"]),
+    (("task",), tasked(title=""), ["task.title is ''", "a character at least"]),
+    (("task",), tasked(goal="x" * 201), ["task.goal", "at most 200 characters"]),
+    (("task",), tasked(goal=3), ["task.goal is 3", "it should be text"]),
+    (("task",), tasked(done={"pushd": 0.9}), ["task.done.pushd is the fraction of no measure", "measure has pushed"]),
+    (("task",), tasked(done={"pushed": 0}), ["task.done.pushed is 0", "greater than 0"]),
+    (("task",), tasked(done={"pushed": 1.001}), ["task.done.pushed is 1.001", "less than or equal to 1"]),
+    (("task",), tasked(done={}), ["task", "needs done (measure: least fraction) or force in N"]),
+    (("task",), tasked(force=0), ["task.force is 0", "greater than 0 N"]),
+    (("task",), tasked(words="far"), ["task.words is 'far'", "write {percent} once"]),
+    (("task",), tasked(words="{percent} of {percent}"), ["task.words", "write {percent} once"]),
+    (("task",), tasked(way=[[0, 0]]), ["task.way[0][2] is missing"]),
+    (("task",), tasked(way=[[0, 0, math.nan]]), ["task.way[0][2] is nan", "finite"]),
+    (("task",), tasked(way=[[0, 0, 0]] * 32), ["task.way", "32 entries", "at most 31"]),
+    (("task",), tasked(seconds=0), ["task.seconds is 0", "greater than 0 s"]),
+    (("task",), tasked(hints="no"), ["task", "has no key 'hints'", "did you mean 'hint'"]),
     (("measure", "pushed", "to"), 0.1, ["measure.pushed", "from and to that differ"]),
     (("tool", "pose"), [0, 0.005, 0], ["bodies[0] ('table') overlaps tool ('tool') by 5 mm", "move one of them"]),
     (("joints", 0, "bodies"), ["world", "blok"], ["joints[0] ('hinge').bodies[1] is 'blok'", "block, world"]),
@@ -302,6 +327,24 @@ def test_a_file_that_holds_no_scene_is_refused_with_its_name_and_the_reason(tmp_
 def test_a_measure_is_zero_at_from_and_one_at_to_along_its_unit_axis():
     measure = parse(GOOD, "here").measure["pushed"]
     assert [measure.fraction((x, 7.0, 1.0)) for x in (0.1, 0.2, 0.3)] == pytest.approx([0.0, 0.5, 1.0], abs=1e-12)
+
+
+def test_without_an_axis_a_measure_is_the_angle_of_its_body_which_is_never_wrapped():
+    measure = parse(changed(("measure", "pushed"), {"body": "block", "from": 1, "to": 3}), "here").measure["pushed"]
+    assert [measure.fraction((7.0, 7.0, turn)) for turn in (1.0, 2.0, 3.0, 21.0)] == [0.0, 0.5, 1.0, 10.0]
+
+
+def test_a_task_takes_what_is_just_within_its_bounds():
+    given = tasked(goal="x" * 200, done={"pushed": 1}, force=1e-3, way=[[0, 0, 0]] * 31, seconds=1e-3)
+    task = parse(changed(("task",), given), "here").task
+    assert (task.done, task.force, len(task.way), task.hint, task.next) == ({"pushed": 1.0}, 1e-3, 31, "", "")
+
+
+def test_a_measure_that_is_wrong_does_not_make_the_task_look_wrong_that_names_it():
+    given = changed(("task",), TASK) | {"measure": {"pushed": {"body": "block", "from": "far", "to": 1}}}
+    with pytest.raises(SceneError) as refusal:
+        parse(given, "here")
+    assert len(refusal.value.found) == 1
 
 
 def test_a_measured_point_turns_with_its_body():

@@ -11,11 +11,13 @@ import { History } from "./history.js";
 import { layered } from "./layer.js";
 import { Link } from "./link.js";
 import { Panels, say, shown, stretch } from "./panels.js";
+import { panned } from "./panning.js";
 import { loading } from "./presets.js";
 import { RecordingPanel } from "./recording.js";
 import { forgetUnsent, forgetWhenEdited } from "./refusals.js";
 import { SceneView } from "./scene.js";
 import { Strip } from "./strips.js";
+import { TaskCard } from "./task.js";
 import { dress } from "./theme.js";
 import { entitled } from "./title.js";
 import { Tone } from "./tone.js";
@@ -26,6 +28,7 @@ import { Walls } from "./walls.js";
 const byId = (id) => document.getElementById(id);
 const HINT = 3000; // ms that a hint stays
 const ALL_FELT = { words: "", todo: "" };
+const NO_GUIDE = { state: "off", share: 0, slow: false };
 
 let status = null;
 let tuningNews = null;
@@ -50,6 +53,8 @@ const panels = new Panels(link);
 const fault = new Banner(byId("fault"), () => link.say({ do: "mend" }));
 const recording = new RecordingPanel(link);
 const tone = new Tone(byId("tone"));
+const task = new TaskCard(link, (name) => panels.ask("scene_answer", "loading", { do: "scene", name }));
+panned(view, document.querySelectorAll("[data-pan]")); // before the hand, which is not led by what moves the view
 const hand = new Hand(view, byId("hold"), lead, () => link.say({ do: "let_go" }));
 const strips = [
   new Strip(byId("strip_force"), [{ label: "motor", colour: "force" }, { label: "felt", colour: "handle", dash: true }], 1),
@@ -84,7 +89,7 @@ setInterval(showRates, 1000);
 
 function take(kind, content) {
   if (kind === "hello") welcome(content);
-  else if (kind === "scene") view.setScene(content);
+  else if (kind === "scene") showScene(content);
   else if (kind === "values") showValues(content);
   else if (kind === "status") showStatus(content);
   else if (kind === "leader") showLeader(content);
@@ -93,12 +98,18 @@ function take(kind, content) {
   else if (kind === "answer") answered(content);
 }
 
+function showScene(scene) {
+  view.setScene(scene);
+  task.setScene(scene);
+}
+
 function welcome(news) {
   control = news.control;
   document.body.classList.toggle("looking", !control);
   if (!control) byId("keys").textContent = "This page is view-only. Esc: e-stop.";
   for (const part of [gains, tuning, walls]) part.build(news.declarations);
   panels.welcome(news);
+  task.welcome(news);
 }
 
 function showValues(news) {
@@ -111,10 +122,11 @@ function showValues(news) {
 }
 
 function showStatus(news) {
-  status = { trouble: null, unfelt: ALL_FELT, ...news };
+  status = { trouble: null, unfelt: ALL_FELT, guide: NO_GUIDE, ...news };
   showHealth(status, tuningNews);
   fault.show(status.trouble);
   view.unfelt = status.unfelt.words;
+  task.showGuide(status.guide);
 }
 
 function showLeader(who) {
@@ -123,7 +135,7 @@ function showLeader(who) {
 }
 
 function answered(answer) {
-  if (panels.answered(answer) || recording.answered(answer)) return;
+  if (task.answered(answer) || panels.answered(answer) || recording.answered(answer)) return;
   if (answer.to.do === "mend") fault.answered(answer);
   else if (answer.to.do === "set_all") settled(answer);
   else if (!answer.done || answer.to.service === "estop") hint(answer.sentence);
@@ -188,6 +200,7 @@ function showNumbers(frame) {
   put("force", withUnit(force && Math.hypot(force[0], force[1]), 2, "N"));
   put("torque", withUnit(force && force[2], 3, "N m"));
   put("stretch", withUnit(stretch(frame), 2, "mm"));
+  task.show(frame);
   const names = view.scene?.results ?? [];
   const place = byId("results");
   if (place.childElementCount !== names.length || place.dataset.names !== names.join()) build(place, names);

@@ -40,8 +40,9 @@ export class Panels {
       box.disabled = !simulation;
       if (!simulation || box === document.activeElement) continue;
       const value = simulation[name].split("/").pop().replace(/\.yaml$/, "");
-      if (![...box.options].some((option) => option.value === value)) box.append(element("option", { textContent: value, value: simulation[name] }));
-      box.value = [...box.options].find((option) => option.textContent === value).value;
+      const known = () => [...box.options].find((option) => [value, simulation[name]].includes(option.value));
+      if (!known()) box.append(element("option", { textContent: value, value: simulation[name] }));
+      box.value = known().value;
     }
     this.showOffer(offer, values);
   }

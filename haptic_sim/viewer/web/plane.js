@@ -9,8 +9,30 @@ export class Plane {
   constructor(canvas) {
     this.canvas = canvas;
     this.room = [-0.1, -0.1, 0.1, 0.1];
-    this.zoom = 1;
+    this.fit();
     this.resize();
+  }
+
+  // Shows all of the room.
+  fit() {
+    this.zoom = 1;
+    this.shift = [0, 0]; // m from the middle of the room to what is seen in the middle
+  }
+
+  // By pixels of the page, to the right and down; something of the room stays in sight.
+  pan(x, y) {
+    const metres = this.ratio / this.scale;
+    const [left, bottom, right, top] = this.room;
+    const most = [(right - left) / 2, (top - bottom) / 2];
+    this.shift = [this.shift[0] - x * metres, this.shift[1] + y * metres].map((way, i) => Math.min(most[i], Math.max(-most[i], way)));
+  }
+
+  // about: [x, y] in pixels of the canvas on the page, which shows the same place afterwards.
+  zoomBy(factor, about = [this.canvas.clientWidth / 2, this.canvas.clientHeight / 2 + (INSET.top - INSET.bottom) / 2]) {
+    const before = this.toWorld(about);
+    this.zoom = Math.min(20, Math.max(0.1, this.zoom * factor));
+    const [x, y] = this.toPixels(before);
+    this.pan(about[0] - x / this.ratio, about[1] - y / this.ratio);
   }
 
   // Takes the canvas's size on the page; true if it has changed.
@@ -35,7 +57,13 @@ export class Plane {
 
   get middle() {
     const [left, bottom, right, top] = this.room;
-    return [(left + right) / 2, (bottom + top) / 2];
+    return [(left + right) / 2 + this.shift[0], (bottom + top) / 2 + this.shift[1]];
+  }
+
+  toWorld([x, y]) {
+    const [cx, cy] = this.middle;
+    const [px, py] = this.toPixels([cx, cy]);
+    return [cx + (x * this.ratio - px) / this.scale, cy - (y * this.ratio - py) / this.scale];
   }
 
   toPixels([x, y]) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Draws the scene: what stands still is painted once on a layer of its own, what moves with every frame.
 
+import { paintWay } from "./ghost.js";
 import { line, nearest, path, placed, zigzag } from "./pen.js";
 import { Plane } from "./plane.js";
 import { colours } from "./theme.js";
@@ -48,12 +49,19 @@ export class SceneView {
     const [x, y] = this.workspace || [];
     if (this.scene) this.plane.room = this.scene.room;
     else if (x) this.plane.room = [x[0], y ? y[0] : -0.05, x[1], y ? y[1] : 0.05];
-    this.plane.zoom = 1;
+    this.plane.fit();
     this.stale = true;
   }
 
-  zoom(factor) {
-    this.plane.zoom = Math.min(20, Math.max(0.1, this.plane.zoom * factor));
+  // about: a point of the page that stays where it is; the middle unless given.
+  zoom(factor, about) {
+    this.plane.zoomBy(factor, about);
+    this.stale = true;
+  }
+
+  // By pixels of the page, to the right and down.
+  pan(x, y) {
+    this.plane.pan(x, y);
     this.stale = true;
   }
 
@@ -89,6 +97,7 @@ export class SceneView {
     for (const solid of this.scene?.solids ?? []) {
       if (solid.fixed) this.paintSolid(context, solid, solid.pose, this.colours.fixed, 1);
     }
+    if (this.scene?.task) paintWay(context, this.plane, this.scene, this.colours.soft);
   }
 
   paintWorkspace(context) {

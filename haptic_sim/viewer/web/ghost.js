@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// The way that the scene suggests: a dashed line with an arrow, and the outline of the tool at its end.
+
+import { nearest, path, placed } from "./pen.js";
+
+const HEAD = 11; // CSS pixels of the arrow
+
+export function paintWay(context, plane, { way, solids }, colour) {
+  if (way.length < 2) return;
+  const { ratio } = plane;
+  const points = way.map((place) => plane.toPixels(place));
+  context.strokeStyle = context.fillStyle = colour;
+  context.lineWidth = 2 * ratio;
+  context.setLineDash([7 * ratio, 6 * ratio]);
+  context.beginPath();
+  points.forEach((point, i) => (i ? context.lineTo(...point) : context.moveTo(...point)));
+  context.stroke();
+  context.setLineDash([4 * ratio, 4 * ratio]);
+  context.lineWidth = 1.5 * ratio;
+  paintTool(context, plane, solids[0].outlines, way.at(-1));
+  context.setLineDash([]);
+  paintHead(context, points, HEAD * ratio);
+}
+
+function paintTool(context, plane, outlines, pose) {
+  for (const [vertices, radius] of outlines) {
+    const corners = vertices.map((corner) => plane.toPixels(placed(corner, pose)));
+    if (radius > 0) {
+      context.beginPath();
+      context.arc(...corners[0], radius * plane.scale, 0, 2 * Math.PI);
+    } else {
+      path(context, corners);
+    }
+    context.stroke();
+  }
+  const grip = nearest(outlines);
+  if (!grip) return;
+  context.beginPath();
+  context.moveTo(...plane.toPixels(pose));
+  context.lineTo(...plane.toPixels(placed(grip, pose)));
+  context.stroke();
+}
+
+// At the end, along the last stretch that is long enough to have a direction.
+function paintHead(context, points, size) {
+  const [x, y] = points.at(-1);
+  const from = points.findLast(([px, py]) => Math.hypot(x - px, y - py) > 1);
+  if (!from) return;
+  const length = Math.hypot(x - from[0], y - from[1]);
+  const [ux, uy] = [(x - from[0]) / length, (y - from[1]) / length];
+  path(context, [[x, y], [x - size * (ux + 0.5 * uy), y - size * (uy - 0.5 * ux)], [x - size * (ux - 0.5 * uy), y - size * (uy + 0.5 * ux)]]);
+  context.fill();
+}

@@ -1,0 +1,318 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The task card, the chooser, the view: a real Chromium before a page whose news are made up."""
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from conftest import PATIENCE, Tab
+from page_stage import Stage
+from waiting import until
+
+from haptic_device.config_files import names
+from haptic_sim.scene.drawing import drawing_of
+from haptic_sim.scene.language import load
+from haptic_sim.viewer.tasks import tasks
+
+pytestmark = pytest.mark.timeout(300)
+WITH_TASKS = [task["name"] for task in tasks()]
+
+
+@pytest.fixture(scope="module")
+def stage():
+    stage = Stage(names("scenes"))
+    yield stage
+    stage.close()
+
+
+@pytest.fixture(scope="module")
+def page(chromium, stage):
+    tab = Tab(chromium, expert=False)
+    tab.page.goto(stage.address)
+    tab.until("document.querySelectorAll('#scene_name option').length > 0")
+    yield tab
+    assert tab.complaints == []
+    tab.page.close()
+
+
+def set_scene(page, stage, name, **frame):
+    stage.scene(name, **frame)
+    page.until(f"document.getElementById('task_title').textContent === {(load(name).task or NONE).title!r}")
+
+
+class NONE:
+    title = "Scene"
+
+
+def width(page):
+    return page.page.evaluate("document.querySelector('#progress i').style.width")
+
+
+def asked(stage, message):
+    until(lambda: stage.asked and stage.asked[-1] == message, f"{message} is asked for", limit=PATIENCE)
+
+
+def test_the_card_says_what_to_do_how_far_it_is_and_that_it_is_done_with_the_next_scene(page, stage):
+    set_scene(page, stage, "peg_in_hole")
+    task = load("peg_in_hole").task
+    assert page.text("goal") == task.goal and page.text("task_hint") == task.hint
+    stage.show(results=[0.25])
+    page.until_text("progress", "^25 % of the hole's depth$")
+    assert width(page) == "25%" and page.text("done") == "" and not page.page.is_visible("#next_scene")
+    stage.show(results=[0.949])
+    page.until_text("progress", "^95 %")
+    assert page.text("done") == ""
+    stage.show(results=[0.95])
+    page.until_text("done", "Done")
+    page.page.click("#next_scene")
+    asked(stage, {"do": "scene", "name": "wrench_on_nut"})
+
+
+def test_back_to_the_start_takes_done_away(page, stage):
+    set_scene(page, stage, "peg_in_hole", results=[1.0])
+    page.until_text("done", "Done")
+    stage.show(results=[0.0])
+    page.page.click("#start_scene")
+    asked(stage, {"do": "start_scene"})
+    page.until("document.getElementById('done').textContent === ''")
+
+
+def test_a_force_counts_only_in_contact(page, stage):
+    set_scene(page, stage, "wall", felt=[4.0, 3.0, 0.0])
+    page.until_text("progress", "^0 % of 5 N$")
+    stage.show(contacts=[[0, 1, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0]], felt=[2.0, 0.0, 0.0])
+    page.until_text("progress", "^40 % of 5 N$")
+    assert page.text("done") == ""
+    stage.show(felt=[4.0, 3.0, 0.0])
+    page.until_text("done", "Done")
+
+
+def test_all_that_a_task_asks_for_has_to_be_reached(page, stage):
+    set_scene(page, stage, "corner", results=[1.0, 0.5])
+    page.until_text("progress", "^50 %")
+    assert page.text("done") == ""
+    stage.show(results=[1.0, 0.98])
+    page.until_text("done", "Done")
+
+
+def test_a_scene_without_a_task_shows_its_description_and_its_results(page, stage):
+    set_scene(page, stage, "incline", results=[0.5])
+    assert page.text("goal") == f"{load('incline').description}."
+    page.until_text("progress", "^slid: 50 %$")
+    stage.show(results=[])
+    page.until_text("progress", "^slid: – %$")
+
+
+def test_the_chooser_has_the_tasks_first_by_their_titles_and_the_rest_as_test_cases(page, stage):
+    first = page.page.evaluate("[...document.querySelectorAll('#scene_name > option')].map((one) => one.value)")
+    rest = page.page.evaluate("[...document.querySelectorAll('#scene_name optgroup option')].map((one) => one.value)")
+    assert first == WITH_TASKS and first[0] == "peg_in_hole" and sorted(first + rest) == sorted(names("scenes"))
+    assert page.page.text_content("#scene_name > option") == load("peg_in_hole").task.title
+    for name in ("maze", "incline"):
+        stage.tell("values", {"values": {"haptic_simulation": {"scene": name, "method": "auto"}}, "offer": {},
+                              "walls": [], "workspace": None, "damping": []})  # fmt: skip
+        page.until(f"document.getElementById('scene_name').value === {name!r}")
+    page.page.select_option("#scene_name", "maze")
+    asked(stage, {"do": "scene", "name": "maze"})
+
+
+def test_the_guide_plays_pauses_steps_and_slows_and_is_hidden_where_no_hand_can_be_led(page, stage):
+    set_scene(page, stage, "maze")
+    page.until("!document.getElementById('guide').hidden")
+    for button, act in (("play", "play"), ("step", "step"), ("slow", "slow")):
+        page.page.click(f"#guide_{button}")
+        asked(stage, {"do": "guide", "act": act})
+    stage.guide(state="playing", slow=True)
+    page.until_text("guide_play", "^Pause$")
+    assert page.page.get_attribute("#guide_slow", "aria-pressed") == "true"
+    assert "physics" in page.page.get_attribute("#guide_slow", "title")
+    page.page.click("#guide_play")
+    asked(stage, {"do": "guide", "act": "pause"})
+    page.page.click("#guide_slow")
+    asked(stage, {"do": "guide", "act": "fast"})
+    stage.guide(state="paused")
+    page.until_text("guide_play", "^Go on$")
+    stage.guide()
+    page.until_text("guide_play", "^Show me$")
+    stage.show(target=None)
+    page.until("document.getElementById('guide').hidden")
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (390, 844)])
+def test_tool_way_and_its_end_are_on_the_screen_in_every_scene_with_a_task(page, size):
+    page.page.set_viewport_size({"width": size[0], "height": size[1]})
+    for name in WITH_TASKS:
+        drawing = drawing_of(load(name))
+        places = [drawing.solids[0].pose[:2], *(place[:2] for place in drawing.way)]
+        seen = page.page.evaluate(
+            """([room, places]) => import("./plane.js").then(({ Plane }) => {
+                const plane = new Plane(document.getElementById("scene"));
+                plane.room = room;
+                const { clientWidth, clientHeight } = plane.canvas;
+                const there = places.map((place) => plane.toPixels(place).map((x) => x / plane.ratio));
+                return there.every(([x, y]) => x > 0 && y > 60 && x < clientWidth && y < clientHeight - 40);
+            })""",
+            [drawing.room, places],
+        )
+        assert seen, name
+    page.page.set_viewport_size({"width": 1280, "height": 720})
+
+
+def test_the_view_moves_with_the_right_button_shift_and_buttons_and_zooms_about_the_pointer(page, stage):
+    set_scene(page, stage, "peg_in_hole")
+    hand = len(stage.asked)
+    planes = page.page.evaluate("""() => import("./plane.js").then(({ Plane }) => {
+        const plane = new Plane(document.getElementById("scene"));
+        const near = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]) < 1e-9;
+        const before = plane.toWorld([100, 200]);
+        plane.zoomBy(2, [100, 200]);
+        const kept = near(before, plane.toWorld([100, 200]));
+        plane.fit();
+        plane.pan(30, -20);
+        const moved = near(before, plane.toWorld([130, 180]));
+        plane.pan(1e9, 0);
+        const [x] = plane.toPixels([plane.room[0], 0]);
+        return { kept, moved, held: x > 0 && x <= plane.canvas.width };
+    })""")
+    assert planes == {"kept": True, "moved": True, "held": True}
+    picture = "document.getElementById('scene').toDataURL()"
+    page.page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    page.page.evaluate(f"window.before = {picture}")
+
+    def differs():
+        page.until(f"{picture} !== window.before")
+        page.page.click("#fit")
+        page.until(f"{picture} === window.before")
+
+    x, y = page.middle()
+    page.page.mouse.move(x, y)
+    page.page.mouse.down(button="right")
+    page.page.mouse.move(x + 60, y + 30, steps=3)
+    page.page.mouse.up(button="right")
+    differs()
+    page.page.keyboard.down("Shift")
+    page.page.mouse.move(x, y)
+    page.page.mouse.down()
+    page.page.mouse.move(x - 60, y + 30, steps=3)
+    page.page.mouse.up()
+    page.page.keyboard.up("Shift")
+    differs()
+    page.page.focus("[data-pan='0 1']")
+    page.page.keyboard.press("Enter")
+    differs()
+    page.page.mouse.move(x, y)
+    page.page.keyboard.down("Control")
+    page.page.mouse.wheel(0, -200)
+    page.page.keyboard.up("Control")
+    differs()
+    assert len(stage.asked) == hand, "the hand was not led"
+
+
+def test_two_fingers_move_the_view_and_the_hand_lets_go(page, stage):
+    set_scene(page, stage, "peg_in_hole")
+    touch = page.page.context.new_cdp_session(page.page)
+    x, y = page.middle()
+
+    def fingers(kind, *places):
+        points = [{"x": px, "y": py, "id": k} for k, (px, py) in enumerate(places)]
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    held = "document.getElementById('scene').classList.contains('held')"
+    picture = "document.getElementById('scene').toDataURL()"
+    page.page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    page.page.evaluate(f"window.before = {picture}")
+    fingers("touchStart", (x, y))
+    page.until(held)
+    fingers("touchStart", (x, y), (x + 80, y))
+    page.until(f"!{held}")
+    led = len(stage.asked)
+    fingers("touchMove", (x, y + 40), (x + 120, y + 40))
+    page.until(f"{picture} !== window.before")
+    fingers("touchEnd")
+    page.page.click("#fit")
+    page.until(f"{picture} === window.before")
+    assert len(stage.asked) == led, "the hand was not led by what moved the view"
+
+
+def test_the_card_has_no_serious_findings_in_light_and_dark_and_its_targets_are_44_px(page, stage):
+    set_scene(page, stage, "maze", results=[1.0])
+    page.until_text("done", "Done")
+    page.page.click("#legend summary")
+    for theme in ("light", "dark"):
+        page.page.evaluate(f"document.documentElement.dataset.theme = {theme!r}")
+        found = Axe().run(page.page).response["violations"]
+        assert [rule["id"] for rule in found if rule["impact"] in ("serious", "critical")] == []
+        page.shot(f"task_{theme}")
+    small = page.page.evaluate(
+        "[...document.querySelectorAll('#task button, #tools button, #task summary')]"
+        ".filter((one) => one.offsetParent && (one.offsetHeight < 44 || one.offsetWidth < 44)).map((one) => one.id)"
+    )
+    assert small == []
+
+
+def choose(tab, name):
+    """Loads a scene; the motor is on, the hand at its start."""
+    tab.choose("scene_name", name, f"scene is {name}")
+    tab.until(f"document.getElementById('task_title').textContent === {load(name).task.title!r}")
+
+
+def pixels(tab, places):
+    """Where places of the scene [m] are on the page."""
+    return tab.page.evaluate(
+        """([room, places]) => import("./plane.js").then(({ Plane }) => {
+            const plane = new Plane(document.getElementById("scene"));
+            plane.room = room;
+            const box = plane.canvas.getBoundingClientRect();
+            return places.map((place) => {
+                const [x, y] = plane.toPixels(place).map((x) => x / plane.ratio);
+                return [box.left + x, box.top + y];
+            });
+        })""",
+        places,
+    )
+
+
+def test_show_me_does_the_task_and_a_drag_ends_it(tab):
+    tab.engage()
+    tab.page.click("#guide_play")
+    tab.until_text("guide_play", "^Pause$")
+    tab.page.click("#guide_play")
+    tab.until_text("guide_play", "^Go on$")
+    tab.page.click("#guide_play")
+    tab.until_text("done", "Done")
+    tab.shot("shown")
+    tab.page.click("#guide_play")
+    tab.until_text("guide_play", "^Pause$")
+    x, y = tab.middle()
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.down()
+    tab.page.mouse.move(x + 5, y, steps=2)
+    tab.page.mouse.up()
+    tab.until_text("guide_play", "^Show me$")
+    assert tab.text("done") == ""
+
+
+def test_the_nail_is_driven_in_with_the_mouse(tab):
+    choose(tab, "drive_nail")
+    drawing = drawing_of(load("drive_nail"))
+    (x, up), (_, down) = pixels(tab, [drawing.room, [place[:2] for place in drawing.way[:2]]])
+    tab.page.mouse.move(x, up)
+    tab.page.mouse.down()
+    ends = iter([down, up] * 100)
+    tab.until("document.getElementById('done').textContent", before=lambda: tab.page.mouse.move(x, next(ends), steps=8))
+    tab.page.mouse.up()
+    tab.shot("nail")
+
+
+def test_the_nut_is_turned_by_a_third_with_the_mouse_and_q(tab):
+    choose(tab, "wrench_on_nut")
+    drawing = drawing_of(load("wrench_on_nut"))
+    places = pixels(tab, [drawing.room, [place[:2] for place in drawing.way]])
+    tab.page.mouse.move(*places[0])
+    tab.page.mouse.down()
+    for place, before, after in zip(places[1:], drawing.way, drawing.way[1:], strict=False):
+        tab.page.mouse.move(*place, steps=6)
+        for _ in range(round((after[2] - before[2]) / 0.0175)):
+            tab.page.mouse.wheel(0, -100)
+    tab.until_text("done", "Done")
+    tab.page.mouse.up()
+    tab.shot("nut")
+    choose(tab, "peg_in_hole")

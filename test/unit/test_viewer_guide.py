@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The hand that shows the way: its places in time, what stops it, and what it is asked for."""
+
+import asyncio
+import types
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_sim.viewer.guide import Guide
+from haptic_sim.viewer.hand import Hand, Limits
+from haptic_sim.viewer.messages import parse
+from haptic_sim.viewer.playback import Playback, along, legs
+
+CORNER = ((0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.1, 0.3, 0.0))
+PLACE = st.tuples(*[st.floats(-0.1, 0.1)] * 3)
+
+
+def test_each_part_between_sharp_corners_has_its_share_of_the_time_and_begins_and_ends_at_rest():
+    parts = legs(CORNER)
+    assert [part.end for part in parts] == pytest.approx([0.25, 1.0]) and parts[1].start == parts[0].end
+    assert along(parts, 0.25) == pytest.approx(CORNER[1])
+    assert along(parts, 0.125) == pytest.approx((0.05, 0.0, 0.0)), "half of the way in half of the time"
+    assert np.linalg.norm(np.subtract(along(parts, 0.251), CORNER[1])) < 1e-6
+
+
+def test_a_bend_of_less_than_60_degrees_is_taken_in_one_go_and_one_of_more_is_not():
+    for turn, parts in ((np.radians(59.9), 1), (np.radians(60.1), 2)):
+        assert len(legs(((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0 + np.cos(turn), np.sin(turn), 0.0)))) == parts
+
+
+@given(st.lists(PLACE, min_size=2, max_size=31), st.lists(st.floats(0.0, 1.0), min_size=1))
+def test_a_way_goes_from_its_first_to_its_last_place_and_never_leaves_what_it_leads_through(way, shares):
+    if all(np.linalg.norm(np.subtract(a, b)) < 1e-9 for a, b in zip(way, way[1:], strict=False)):
+        return
+    parts = legs(tuple(way))
+    assert along(parts, 0.0) == pytest.approx(way[0], abs=1e-9)
+    assert along(parts, 1.0) == pytest.approx(way[-1], abs=1e-9)
+    low, high = np.min(way, axis=0) - 1e-9, np.max(way, axis=0) + 1e-9
+    assert all((low <= along(parts, share)).all() and (along(parts, share) <= high).all() for share in shares)
+
+
+@pytest.mark.parametrize("way", [(), ((0.0, 0.0, 0.0),), ((0.0, 0.0, 0.0),) * 3])
+def test_a_way_that_leads_nowhere_is_refused(way):
+    with pytest.raises(ValueError, match="shows no way"):
+        legs(way)
+
+
+def played(playback, seconds, begin=0.0):
+    """Share after so many seconds, looked at 100 times each."""
+    for k in range(1, round(100 * seconds) + 1):
+        if playback.state == "playing":
+            playback.place(begin + 0.01 * k)
+    return playback.share
+
+
+def test_slow_is_a_quarter_of_the_speed_and_a_pause_loses_no_time():
+    playback = Playback()
+    playback.begin(CORNER, 10.0)
+    playback.go_on(0.0)
+    assert played(playback, 2.0) == pytest.approx(0.2)
+    playback.slow = True
+    assert played(playback, 2.0, 2.0) == pytest.approx(0.25)
+    playback.pause()
+    playback.go_on(1000.0)
+    assert played(playback, 2.0, 1000.0) == pytest.approx(0.3)
+
+
+def test_a_step_is_a_tenth_of_the_whole_and_ten_of_them_are_all():
+    playback = Playback()
+    playback.begin(CORNER, 1.0)
+    for k in range(1, 10):
+        playback.step(float(k))
+        assert played(playback, 0.5, float(k)) == pytest.approx(0.1 * k) and playback.state == "paused"
+    playback.step(10.0)
+    played(playback, 0.5, 10.0)
+    assert playback.state == "off"
+
+
+def test_what_the_viewer_has_slept_through_is_not_caught_up():
+    playback = Playback()
+    playback.begin(CORNER, 1.0)
+    playback.go_on(0.0)
+    playback.place(50.0)
+    assert playback.share == pytest.approx(0.1)
+
+
+class Commands:
+    """Of a viewer whose scene begins again at once, unless `meanwhile` does something."""
+
+    def __init__(self, meanwhile=lambda: None):
+        self.hand, self.said, self.meanwhile = Hand(), "engaged", meanwhile
+        self.limits = Limits(((-1.0, 1.0),) * 3, 1.0, 1.0)
+        scene = types.SimpleNamespace(way=CORNER, seconds=1.0)
+        self.state = types.SimpleNamespace(axes=3, scene=scene, said=lambda *words: self.said)
+        self.scenes, self.begun = self, 0
+
+    async def start_again(self):
+        self.begun += 1
+        self.meanwhile()
+
+    def aim(self, place):
+        if self.hand.goal is None:
+            self.hand.take((0.0, 0.0, 0.0), 0.0)
+
+
+def guided(**given):
+    commands = Commands(**given)
+    return commands, Guide(commands)
+
+
+def do(guide, *acts):
+    for act in acts:
+        asyncio.run(guide.do(act))
+
+
+def test_play_begins_the_scene_again_and_leads_the_hand_and_after_a_pause_goes_on():
+    commands, guide = guided()
+    do(guide, "play")
+    begin = guide.playback._looked
+    for k in range(1, 30):
+        guide.lead(begin + 0.01 * k)
+    assert 0.0 < commands.hand.goal[1] < 0.3 and guide.said["state"] == "playing"
+    do(guide, "pause", "play")
+    assert commands.begun == 1 and guide.said["state"] == "playing"
+
+
+def test_the_guide_stops_for_good_when_somebody_leads_the_hand_while_the_scene_begins_again():
+    commands, guide = guided()
+    commands.meanwhile = guide.stop
+    do(guide, "play")
+    assert guide.said == {"state": "off", "share": 0.0, "slow": False}
+
+
+@pytest.mark.parametrize("reason", ["fault", "let go"])
+def test_the_guide_stops_at_a_fault_and_when_the_hand_has_let_go(reason):
+    commands, guide = guided()
+    do(guide, "play")
+    commands.said = reason
+    if reason == "let go":
+        commands.hand.release()
+    guide.lead(0.0)
+    assert guide.said["state"] == "off"
+
+
+def test_a_step_waits_behind_a_tenth_of_the_way_and_slow_stays_until_fast():
+    _, guide = guided()
+    do(guide, "step", "slow")
+    assert guide.said == {"state": "playing", "share": 0.0, "slow": True}
+    do(guide, "fast")
+    assert not guide.said["slow"]
+
+
+def test_a_scene_that_cannot_begin_again_is_refused_and_can_be_tried_again():
+    def refuse():
+        raise ValueError("the scene is being changed already")
+
+    commands, guide = guided(meanwhile=refuse)
+    with pytest.raises(ValueError, match="being changed already"):
+        do(guide, "play")
+    commands.meanwhile = lambda: None
+    do(guide, "play")
+    assert guide.said["state"] == "playing"
+    commands.state.scene = None
+    guide.stop()
+    with pytest.raises(ValueError, match="no scene"):
+        do(guide, "play")
+
+
+def test_a_page_asks_for_what_the_guide_knows_and_nothing_else():
+    assert parse('{"do": "guide", "act": "play"}').act == "play"
+    with pytest.raises(ValueError, match="guide: act is 'dance'; one of play, pause, step, slow, fast is needed"):
+        parse('{"do": "guide", "act": "dance"}')
