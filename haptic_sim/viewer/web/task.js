@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The task card: what to do in this scene, how far it is, and the hand that shows the way.
 
-import { element } from "./tuning.js";
+import { element } from "./element.js";
 
 const OTHERS = "Test cases";
 
