@@ -3,7 +3,7 @@
 
 import pytest
 import waiting
-from conftest import Cable, Tab
+from conftest import PATIENCE, Cable, Tab
 from made_up_viewer import MadeUpViewer
 
 pytestmark = pytest.mark.timeout(600)
@@ -48,6 +48,18 @@ def heard(tab, viewer, message):
     )
 
 
+def led(tab, viewer):
+    """Waits until a page has led the hand."""
+    waiting.until(lambda: places(viewer), "an aim", lambda: tab.page.wait_for_timeout(20), limit=PATIENCE)
+
+
+def all_asked(tab, viewer):
+    """All that the page had to ask for has come: it has drawn, and its stop is heard after the rest."""
+    viewer.show_drawn(tab)
+    tab.page.keyboard.press("Escape")
+    heard(tab, viewer, STOP)
+
+
 def holds(tab):
     return tab.page.get_attribute("#hold", "aria-pressed") == "true"
 
@@ -62,7 +74,7 @@ def dragged(tab, x, y, *ways):
 
 def test_a_mouse_that_is_let_go_lets_the_hand_go(page, viewer):
     dragged(page, *page.middle(), (40, 0))
-    waiting.until(lambda: places(viewer), "an aim", lambda: page.page.wait_for_timeout(20))
+    led(page, viewer)
     assert LET_GO not in viewer.asked and not holds(page)
     page.page.mouse.up()
     heard(page, viewer, LET_GO)
@@ -90,7 +102,7 @@ def test_keys_switch_hold_on_and_a_click_on_the_plane_or_h_lets_go(page, viewer)
     for let_go in (lambda: page.page.keyboard.press("h"), lambda: page.page.mouse.click(*page.middle())):
         viewer.asked.clear()
         page.page.keyboard.press("ArrowDown")
-        waiting.until(lambda: places(viewer), "an aim", lambda: page.page.wait_for_timeout(20))
+        led(page, viewer)
         assert places(viewer)[-1]["y"] == pytest.approx(-0.002) and holds(page) and LET_GO not in viewer.asked
         let_go()
         heard(page, viewer, LET_GO)
@@ -121,12 +133,11 @@ def test_a_mouse_of_a_thousand_moves_in_a_frame_asks_once_and_for_the_last_place
           { pointerId: 1, clientX: x + i / 10, clientY: y }));
     }"""
     page.page.evaluate(moves, [x, y])
-    waiting.until(lambda: places(viewer), "an aim", lambda: page.page.wait_for_timeout(20))
-    page.page.wait_for_timeout(200)
+    all_asked(page, viewer)
     [asked] = places(viewer)
     viewer.asked.clear()
     page.page.mouse.move(x + 100, y)
-    waiting.until(lambda: places(viewer), "an aim", lambda: page.page.wait_for_timeout(20))
+    led(page, viewer)
     assert places(viewer)[-1]["x"] == pytest.approx(asked["x"]) and asked["x"] > 0.01
     page.page.mouse.up()
 
@@ -177,7 +188,7 @@ def test_after_the_hand_was_led_elsewhere_a_pointer_that_is_still_down_goes_on_f
     viewer.asked.clear()
     for way in (51, 52):
         page.page.mouse.move(x + way, y)
-    waiting.until(lambda: places(viewer), "an aim", lambda: page.page.wait_for_timeout(20))
+    led(page, viewer)
     assert -0.06 < places(viewer)[-1]["x"] < -0.04
     page.page.mouse.up()
 
@@ -189,8 +200,8 @@ def test_without_a_hand_to_lead_whoever_drags_or_presses_a_key_is_told(page, vie
     page.until_text("hint", "There is no simulated hand to lead")
     dragged(page, *page.middle(), (40, 0))
     page.page.mouse.up()
-    page.page.wait_for_timeout(100)
-    assert viewer.asked == [] and not holds(page)
+    all_asked(page, viewer)
+    assert viewer.asked == [STOP] and not holds(page)
 
 
 def test_a_view_only_page_has_the_e_stop_and_escape_and_leads_nothing(chromium, viewer):

@@ -7,8 +7,8 @@ import socket
 
 import numpy as np
 import pytest
-from axe_playwright_python.sync_playwright import Axe
-from conftest import Tab
+import waiting
+from conftest import PATIENCE, Tab
 from made_up_viewer import STATUS, VALUES, MadeUpViewer
 from matplotlib.image import imread
 
@@ -22,7 +22,6 @@ DESK, PHONE = (1400, 900), (390, 844)
 SIZES = DESK, (1280, 720), (900, 600), PHONE, (640, 360), (320, 180)  # the last two: 1280x720 at 200 % and 400 %
 CONTROLS = "button, select, input, summary, a"
 GIVEN = "#fault *, #task *, #walls *, #recording *, #sliders *"  # have words of their own
-HARM = ("moderate", "serious", "critical")
 DRIVER = {
     "state": "engaged",
     "fault": "",
@@ -312,6 +311,21 @@ def test_the_keyboard_reaches_what_drives_first_then_the_plane_then_the_panels(o
     assert reached == ["enable", "disable", "layer", "theme", "estop", "scene"]
 
 
+def test_what_starts_the_nodes_again_is_asked_for_once_a_change_and_answered_there(opened, served):
+    tab = opened(expert=True)
+    served.asked.clear()
+    tab.page.select_option("#offer_exchange_method", "wave")
+    tab.until_text("restart_answer", "^done$")
+    assert tab.page.text_content("label[for=offer_delay]") == "delay [ms] (0 to 200)"
+    tab.page.focus("#offer_delay")
+    for _ in range(20):
+        tab.page.keyboard.press("ArrowRight")
+    shown = float(tab.page.input_value("#offer_delay + input"))
+    waiting.until(lambda: len(served.asked) > 1, "a delay", lambda: tab.page.wait_for_timeout(20), limit=PATIENCE)
+    method, delay = ({"do": "restart", "name": name} for name in ("exchange.method", "delay"))
+    assert shown > 0.0 and served.asked == [method | {"value": "wave"}, delay | {"value": shown}]
+
+
 def colour(tab, selector, what):
     return tab.page.evaluate(f"getComputedStyle(document.querySelector({selector!r}))[{what!r}]")
 
@@ -375,15 +389,9 @@ def test_axe_finds_nothing_moderate_or_worse_in_either_layer_with_a_fault_and_wi
         for scheme in ("light", "dark", "forced"):
             forced = "active" if scheme == "forced" else "none"
             tab.page.emulate_media(color_scheme="light" if scheme == "light" else "dark", forced_colors=forced)
-            found[f"{step}, {scheme}"] = harm(tab)
+            found[f"{step}, {scheme}"] = tab.harm()
         tab.shot(f"{step.replace(' ', '_')}_{size[0]}")
     assert found == dict.fromkeys(found, [])
-
-
-def harm(tab):
-    """What axe finds moderate or worse: rule and elements."""
-    found = Axe().run(tab.page).response["violations"]
-    return [(rule["id"], [node["target"] for node in rule["nodes"]]) for rule in found if rule["impact"] in HARM]
 
 
 def test_a_page_whose_viewer_was_started_anew_goes_on_by_itself_with_the_same_link(chromium, monkeypatch, tmp_path):

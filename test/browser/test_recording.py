@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 import waiting
-from axe_playwright_python.sync_playwright import Axe
 from conftest import PATIENCE, Tab
 from filmed_bag import SCENE, film_bag, rows_of
 from made_up_viewer import MadeUpViewer
@@ -52,12 +51,6 @@ def film(chromium, films):
     for tab in opened:
         assert tab.complaints == []
         tab.page.close()
-
-
-def findings(tab, part=None):
-    """Rules of axe of which something is wrong, more than a little, in this part of the page, or in all of it."""
-    found = Axe().run(tab.page, part).response["violations"]
-    return [one["id"] for one in found if one["impact"] in ("moderate", "serious", "critical")]
 
 
 def shown(tab):
@@ -162,7 +155,7 @@ def test_two_recordings_are_on_top_of_each_other_aligned_at_the_first_contact(fi
 def test_a_film_passes_the_accessibility_check(film, scheme, size):
     tab = film("both", width=size[0], height=size[1], color_scheme=scheme)
     assert tab.page.evaluate("document.documentElement.dataset.theme") == scheme
-    assert findings(tab) == []
+    assert tab.harm() == []
     assert tab.page.evaluate("document.documentElement.scrollWidth") <= size[0], "nothing sticks out at the side"
     tab.shot(f"film_{scheme}_{size[0]}")
 
@@ -200,7 +193,7 @@ def test_the_panel_says_at_once_what_was_pressed_and_then_what_is(chromium, view
     assert found == [["Report", "recordings/report.html?bag=two"], ["Replay", "recordings/film.html?bag=two"]]
     viewer.tell("recordings", NEWS | {"state": "no recorder"})
     tab.until_text("record", "No recorder runs")
-    assert findings(tab, "#recording") == [] and tab.complaints == []
+    assert tab.harm("#recording") == [] and tab.complaints == []
     assert [message["on"] for message in viewer.asked] == [True, False]
     tab.page.close()
 
@@ -222,7 +215,7 @@ def test_two_recordings_of_the_list_are_chosen_and_names_stay_text(chromium, vie
     assert pair == "recordings/film.html?bag=two&bag=%3Cimg%20src%3Dx%20onerror%3Dalert(1)%3E"
     boxes.nth(2).check()
     assert not tab.page.is_visible("#pair") and tab.page.is_visible("#pair_note")
-    assert findings(tab, "#recording") == [] and tab.complaints == []
+    assert tab.harm("#recording") == [] and tab.complaints == []
     tab.page.close()
 
 
