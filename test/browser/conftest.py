@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 import rclpy
 import waiting
+from axe_playwright_python.sync_playwright import Axe
 from chromium import OPTIONS, find
 from playwright.sync_api import sync_playwright
 from rcl_interfaces.srv import SetParametersAtomically
@@ -33,6 +34,7 @@ from haptic_device.recording.layouts import JOINTS, JointLayout
 
 SHOTS = Path(__file__).parents[2] / "build" / "browser"
 FIGURES = []
+HARM = ("moderate", "serious", "critical")  # of what axe finds
 POINT = Path(__file__).parents[1] / "busy.yaml"
 PATIENCE, COMPILING = 120.0, 180.0  # s for what a busy machine does in one, and with kernels that nobody has used yet
 
@@ -153,6 +155,11 @@ class Listener:
 
         return self.until(still, "the hand rests")[0]
 
+    def later(self, count=500):
+        """So many truths later than now."""
+        since = len(self.truths)
+        self.until(lambda: len(self.truths) > since + count, f"{count} truths")
+
     def until(self, found, what, seconds=PATIENCE):
         """The first true answer of found(); what: is waited for."""
         return waiting.until(found, what, limit=seconds)
@@ -197,6 +204,11 @@ class Tab:
         self.complaints = []
         self.page.on("console", lambda line: self.complaints.append(line.text) if line.type == "error" else None)
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+
+    def harm(self, part=None):
+        """What axe finds moderate or worse in this part of the page, or in all of it: rule and elements."""
+        found = Axe().run(self.page, part).response["violations"]
+        return [(rule["id"], [node["target"] for node in rule["nodes"]]) for rule in found if rule["impact"] in HARM]
 
     def text(self, name):
         return self.page.text_content(f"#{name}")

@@ -16,7 +16,6 @@ from conftest import PATIENCE, Tab
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import Trigger
-from test_in_browser import serious
 
 from haptic_device.control.faults import TABLE
 from haptic_device.message_fields import AXES
@@ -150,7 +149,7 @@ def test_a_button_that_cannot_clear_a_fault_says_why_in_the_words_of_the_page(pa
     for scheme in ("light", "dark"):
         page.page.emulate_media(color_scheme=scheme)
         page.until(f"document.documentElement.dataset.theme == {scheme!r}")
-        assert serious(page) == []
+        assert page.harm() == []
     page.shot("banner")
     box = page.page.locator("#fault_button").bounding_box()
     assert box["height"] >= 44 and box["width"] >= 44

@@ -38,7 +38,7 @@ def test_a_mouse_that_is_let_go_leaves_no_force_and_with_hold_on_the_force_stays
     tab.page.keyboard.press("h")
     pushing(tab, 8)
     tab.page.mouse.up()
-    tab.page.wait_for_timeout(500.0)
+    listener.later()
     assert listener.motor()[-1][1] > 5.0
     tab.page.keyboard.press("h")
     gives_in(listener)

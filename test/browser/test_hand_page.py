@@ -3,7 +3,7 @@
 
 import pytest
 import waiting
-from conftest import Cable, Tab
+from conftest import PATIENCE, Cable, Tab
 from made_up_viewer import MadeUpViewer
 
 pytestmark = pytest.mark.timeout(600)
@@ -12,9 +12,9 @@ LET_GO, STOP = {"do": "let_go"}, {"do": "trigger", "service": "estop"}
 
 @pytest.fixture(scope="module")
 def viewer():
-    made_up = MadeUpViewer()
-    yield made_up
-    made_up.close()
+    served = MadeUpViewer()
+    yield served
+    served.close()
 
 
 @pytest.fixture(scope="module")
@@ -31,15 +31,14 @@ def page(opened, viewer):
     """One that leads nothing and holds nothing, with the hand at the middle."""
     opened.page.reload()
     opened.until("document.getElementById('scene_name').options.length > 0")
-    seen(opened, viewer, target=[0.0, 0.0, 0.0])
+    viewer.show_drawn(opened, target=[0.0, 0.0, 0.0])
     viewer.asked.clear()
     return opened
 
 
-def seen(tab, viewer, **changed):
-    """Frames until the page has drawn this one."""
-    tab.page.evaluate("document.getElementById('force').textContent = 'old'")
-    tab.until("document.getElementById('force').textContent !== 'old'", before=lambda: viewer.show(**changed))
+def places(viewer):
+    """The places that the hand was asked to go to."""
+    return [one for one in viewer.asked if one["do"] == "aim"]
 
 
 def heard(tab, viewer, message):
@@ -47,6 +46,18 @@ def heard(tab, viewer, message):
     waiting.until(
         lambda: message in viewer.asked, f"{message}", lambda: tab.page.wait_for_timeout(20), lambda: viewer.asked
     )
+
+
+def led(tab, viewer):
+    """Waits until a page has led the hand."""
+    waiting.until(lambda: places(viewer), "an aim", lambda: tab.page.wait_for_timeout(20), limit=PATIENCE)
+
+
+def all_asked(tab, viewer):
+    """All that the page had to ask for has come: it has drawn, and its stop is heard after the rest."""
+    viewer.show_drawn(tab)
+    tab.page.keyboard.press("Escape")
+    heard(tab, viewer, STOP)
 
 
 def holds(tab):
@@ -63,7 +74,7 @@ def dragged(tab, x, y, *ways):
 
 def test_a_mouse_that_is_let_go_lets_the_hand_go(page, viewer):
     dragged(page, *page.middle(), (40, 0))
-    waiting.until(viewer.places, "an aim", lambda: page.page.wait_for_timeout(20))
+    led(page, viewer)
     assert LET_GO not in viewer.asked and not holds(page)
     page.page.mouse.up()
     heard(page, viewer, LET_GO)
@@ -75,12 +86,12 @@ def test_with_hold_on_the_hand_stays_at_the_last_place_until_hold_goes_off(page,
     dragged(page, *page.middle(), (40, 0), (80, 0))
     page.page.mouse.up()
     page.page.mouse.move(*page.middle())
-    first = viewer.places()[-1]["x"]
+    first = places(viewer)[-1]["x"]
     assert holds(page) and LET_GO not in viewer.asked and first > 0.0
     dragged(page, *page.middle(), (40, 0))
     page.page.mouse.up()
-    waiting.until(lambda: viewer.places()[-1]["x"] > first, "a hand led on", lambda: page.page.wait_for_timeout(20))
-    assert viewer.places()[-1]["x"] == pytest.approx(1.5 * first), "from where it was led, not from where it is"
+    waiting.until(lambda: places(viewer)[-1]["x"] > first, "a hand led on", lambda: page.page.wait_for_timeout(20))
+    assert places(viewer)[-1]["x"] == pytest.approx(1.5 * first), "from where it was led, not from where it is"
     page.page.click("#hold")
     heard(page, viewer, LET_GO)
     assert not holds(page)
@@ -91,8 +102,8 @@ def test_keys_switch_hold_on_and_a_click_on_the_plane_or_h_lets_go(page, viewer)
     for let_go in (lambda: page.page.keyboard.press("h"), lambda: page.page.mouse.click(*page.middle())):
         viewer.asked.clear()
         page.page.keyboard.press("ArrowDown")
-        waiting.until(viewer.places, "an aim", lambda: page.page.wait_for_timeout(20))
-        assert viewer.places()[-1]["y"] == pytest.approx(-0.002) and holds(page) and LET_GO not in viewer.asked
+        led(page, viewer)
+        assert places(viewer)[-1]["y"] == pytest.approx(-0.002) and holds(page) and LET_GO not in viewer.asked
         let_go()
         heard(page, viewer, LET_GO)
         assert not holds(page)
@@ -106,7 +117,7 @@ def test_keys_that_follow_one_another_quickly_or_slowly_add_up(page, viewer):
         page.page.keyboard.press("ArrowRight")
         page.page.wait_for_timeout(pause)
     waiting.until(
-        lambda: viewer.places()[-1]["x"] == pytest.approx(0.008),
+        lambda: places(viewer)[-1]["x"] == pytest.approx(0.008),
         "four steps, though the hand has not moved yet",
         lambda: page.page.wait_for_timeout(20),
         lambda: viewer.asked,
@@ -122,13 +133,12 @@ def test_a_mouse_of_a_thousand_moves_in_a_frame_asks_once_and_for_the_last_place
           { pointerId: 1, clientX: x + i / 10, clientY: y }));
     }"""
     page.page.evaluate(moves, [x, y])
-    waiting.until(viewer.places, "an aim", lambda: page.page.wait_for_timeout(20))
-    page.page.wait_for_timeout(200)
-    [asked] = viewer.places()
+    all_asked(page, viewer)
+    [asked] = places(viewer)
     viewer.asked.clear()
     page.page.mouse.move(x + 100, y)
-    waiting.until(viewer.places, "an aim", lambda: page.page.wait_for_timeout(20))
-    assert viewer.places()[-1]["x"] == pytest.approx(asked["x"]) and asked["x"] > 0.01
+    led(page, viewer)
+    assert places(viewer)[-1]["x"] == pytest.approx(asked["x"]) and asked["x"] > 0.01
     page.page.mouse.up()
 
 
@@ -136,16 +146,16 @@ def test_a_drag_beyond_the_workspace_and_back_asks_for_the_place_where_it_began(
     x, y = page.middle()
     dragged(page, x, y, (30, 0), (600, 0))
     waiting.until(
-        lambda: any(one["x"] > 0.13 for one in viewer.places()),
+        lambda: any(one["x"] > 0.13 for one in places(viewer)),
         "a place beyond",
         lambda: page.page.wait_for_timeout(20),
     )
     page.page.mouse.move(x, y)
     waiting.until(
-        lambda: viewer.places()[-1]["x"] == pytest.approx(0.0, abs=1e-9),
+        lambda: places(viewer)[-1]["x"] == pytest.approx(0.0, abs=1e-9),
         "the place where it began",
         lambda: page.page.wait_for_timeout(20),
-        viewer.places,
+        lambda: places(viewer),
     )
     page.page.mouse.up()
 
@@ -174,31 +184,31 @@ def test_after_the_hand_was_led_elsewhere_a_pointer_that_is_still_down_goes_on_f
     x, y = page.middle()
     dragged(page, x, y, (50, 0))
     viewer.tell("leader", "none")
-    seen(page, viewer, target=[-0.05, 0.0, 0.0])
+    viewer.show_drawn(page, target=[-0.05, 0.0, 0.0])
     viewer.asked.clear()
     for way in (51, 52):
         page.page.mouse.move(x + way, y)
-    waiting.until(viewer.places, "an aim", lambda: page.page.wait_for_timeout(20))
-    assert -0.06 < viewer.places()[-1]["x"] < -0.04
+    led(page, viewer)
+    assert -0.06 < places(viewer)[-1]["x"] < -0.04
     page.page.mouse.up()
 
 
 def test_without_a_hand_to_lead_whoever_drags_or_presses_a_key_is_told(page, viewer):
-    seen(page, viewer, target=None)
+    viewer.show_drawn(page, target=None)
     page.page.focus("#scene")
     page.page.keyboard.press("ArrowUp")
     page.until_text("hint", "There is no simulated hand to lead")
     dragged(page, *page.middle(), (40, 0))
     page.page.mouse.up()
-    page.page.wait_for_timeout(100)
-    assert viewer.asked == [] and not holds(page)
+    all_asked(page, viewer)
+    assert viewer.asked == [STOP] and not holds(page)
 
 
 def test_a_view_only_page_has_the_e_stop_and_escape_and_leads_nothing(chromium, viewer):
     looking = Tab(chromium)
     looking.page.goto(viewer.looking)
     looking.until_text("keys", "This page is view-only. Esc: e-stop.")
-    seen(looking, viewer)
+    viewer.show_drawn(looking)
     assert looking.page.is_visible("#estop")
     shown = [name for name in ("enable", "disable", "reset") if looking.page.is_visible(f"[data-service={name}]")]
     assert shown == [] and not looking.page.is_visible("#hold")
@@ -229,11 +239,11 @@ def test_that_something_was_not_sent_is_forgotten_with_the_connection(chromium, 
 
 
 def test_a_refusal_goes_when_what_was_refused_is_edited(page, viewer):
-    no = {"to": {"do": "scene", "name": "two"}, "done": False, "sentence": "two is no scene"}
+    no = {"to": {"do": "scene", "name": "wall"}, "done": False, "sentence": "wall is no scene"}
     viewer.tell("answer 1", no)
-    page.until_text("scene_answer", "two is no scene")
+    page.until_text("scene_answer", "wall is no scene")
     page.page.evaluate("document.getElementById('mark_text').dispatchEvent(new InputEvent('input', { bubbles: true }))")
-    assert page.text("scene_answer") == "two is no scene", "elsewhere"
+    assert page.text("scene_answer") == "wall is no scene", "elsewhere"
     page.page.evaluate(
         "document.getElementById('scene_name').dispatchEvent(new InputEvent('input', { bubbles: true }))"
     )

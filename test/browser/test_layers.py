@@ -1,32 +1,69 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page without nodes: two layers, what it remembers, small windows, forced colours, explanations, its link."""
 
-import copy
 import io
 import itertools
 import socket
 
-import made_up
 import numpy as np
 import pytest
-from axe_playwright_python.sync_playwright import Axe
-from conftest import Tab
+import waiting
+from conftest import PATIENCE, Tab
+from made_up_viewer import STATUS, VALUES, MadeUpViewer
 from matplotlib.image import imread
+
+from haptic_sim.viewer import settings
 
 pytestmark = pytest.mark.timeout(300)
 
-SIMPLE = ("state", "estop", "scene", "force", "strip_force", "scene_name", "walls", "record")
-EXPERT = ("torque", "stretch", "strip_energy", "strip_age", "method_name", "tuning", "health", "study", "sharing")
+SIMPLE = ("state", "estop", "scene", "force", "strip_force", "scene_name", "walls", "tuning", "record")
+EXPERT = ("torque", "stretch", "strip_energy", "strip_age", "method_name", "sliders", "health", "study", "sharing")
 DESK, PHONE = (1400, 900), (390, 844)
 SIZES = DESK, (1280, 720), (900, 600), PHONE, (640, 360), (320, 180)  # the last two: 1280x720 at 200 % and 400 %
 CONTROLS = "button, select, input, summary, a"
 GIVEN = "#fault *, #task *, #walls *, #recording *, #sliders *"  # have words of their own
-HARM = ("moderate", "serious", "critical")
+DRIVER = {
+    "state": "engaged",
+    "fault": "",
+    "withheld": "",
+    "passivity_margin": "2.4",
+    "passivity_margin_theta": "0.0008",
+    "lateness_us_p50": "60.4",
+    "lateness_us_p99": "151",
+    "lateness_us_p999": "300",
+    "lateness_us_max": "1200",
+    "age_ms_p50": "1.1",
+    "age_ms_p99": "2.3",
+    "window_s": "5.0",
+    "missed": "3",
+    "ticks": "40000",
+    "exchange_method": "pspm",
+    "exchange_answered": "9998",
+    "exchange_sent": "10000",
+}
+NODES = {
+    "haptic_recorder": {"level": 0, "message": "idle", "values": {}},
+    "haptic_simulation": {"level": 1, "message": "Simulation paused once: handle data was late.", "values": {}},
+}
+ENGAGED = {"level": 0, "message": "engaged", "values": DRIVER}
+NOT_FELT = {"words": "tool not felt", "todo": "Tool not felt. Lead the handle to the tool."}
+FAULT = {"level": 2, "message": "fault: estop", "values": {**DRIVER, "state": "fault", "fault": "estop"}}
+WALLS = {"normals": [0.0, 1.0, 1.0, 0.0], "offsets": [-0.03, -0.08], "stiffness": [100.0, 50.0], "damping": [0.1, 0.1]}
+ONE = {"unit": "ms", "low": 0, "high": 200}
+OFFER = {"exchange.method": {"value": "pspm", "choices": ["direct", "pspm", "wave"]}, "delay": {"value": 0.0, **ONE}}
+
+
+PUSHING = {
+    "contacts": [[0, 0, 0.0101, -0.001, 1, 0, 2.0, 1.0, 0]],
+    "force": [1.2, 4.8, 0.01],
+    "felt": [1.1, 4.9, 0.01],
+    "energy": [0.002, -0.001],
+}
 
 
 @pytest.fixture(scope="module")
 def served():
-    served = made_up.MadeUp()
+    served = MadeUpViewer()
     yield served
     served.close()
 
@@ -34,7 +71,7 @@ def served():
 @pytest.fixture
 def opened(chromium, served):
     """opened(size, expert=, address=, **context) is a page that shows the state; scripts: run before it."""
-    served.nodes, served.walls = copy.deepcopy(made_up.NODES), {}
+    engaged(served)
     tabs = []
 
     def open_page(size=DESK, expert=False, scripts=(), **given):
@@ -52,12 +89,32 @@ def opened(chromium, served):
         tab.page.close()
 
 
+def engaged(served):
+    """A display without walls that pushes back."""
+    served.tell("status", status())
+    served.tell("values", values())
+    served.show_scene("peg_in_hole", **PUSHING)
+
+
+def status(driver=ENGAGED, **told):
+    """Of all nodes, with this of the driver; told: what the viewer says beside."""
+    return STATUS | {"nodes": NODES | {"haptic_driver": driver}} | told
+
+
+def values(**walls):
+    """The driver's and the simulation's, with these walls."""
+    live = {name: parameter.default for name, parameter in settings.LIVE.items()}
+    live |= {f"wall.{name}": value for name, value in walls.items()} | {"exchange.method": "pspm"}
+    both = {"haptic_driver": live, "haptic_simulation": {"scene": "peg_in_hole", "method": "auto"}}
+    return VALUES | {"values": both, "offer": OFFER}
+
+
 def visible(tab, names):
     return [name for name in names if tab.page.is_visible(f"#{name}")]
 
 
 def fail(tab, served):
-    served.nodes["haptic_driver"] = made_up.FAULT
+    served.tell("status", status(FAULT))
     tab.until("document.getElementById('state').dataset.level === 'bad'")
 
 
@@ -154,7 +211,7 @@ def test_at_every_size_e_stop_is_in_view_and_nothing_covers_it(opened, served):
 
 def test_at_every_size_nothing_is_cut_and_nothing_scrolls_sideways(opened, served):
     tab = opened()
-    served.walls = made_up.WALLS
+    served.tell("values", values(**WALLS))
     fail(tab, served)
     for width, _ in in_both_layers(tab, SIZES):
         assert cut(tab) == []
@@ -164,14 +221,14 @@ def test_at_every_size_nothing_is_cut_and_nothing_scrolls_sideways(opened, serve
 def cut(tab):
     """What is wider inside than outside."""
     return tab.page.evaluate("""[...document.querySelectorAll('body, body *')]
-        .filter((one) => one.checkVisibility() && !one.matches('h1, input, select, option, .hidden'))
+        .filter((one) => one.checkVisibility() && !one.matches('h1, input, select, option, .hidden, #wall_dots'))
         .filter((one) => one.scrollWidth > one.clientWidth + 1 && getComputedStyle(one).display !== 'inline')
         .map((one) => one.id || one.className || one.textContent)""")
 
 
 def test_whatever_can_be_pressed_is_at_least_44_pixels_wide_and_high_with_its_label(opened, served):
     tab = opened()
-    served.walls = made_up.WALLS
+    served.tell("values", values(**WALLS))
     tab.until("document.querySelectorAll('#sliders .walls input, #walls input').length > 0")
     tab.page.evaluate("document.querySelectorAll('details').forEach((one) => (one.open = true))")
     for _ in in_both_layers(tab, SIZES):
@@ -254,6 +311,21 @@ def test_the_keyboard_reaches_what_drives_first_then_the_plane_then_the_panels(o
     assert reached == ["enable", "disable", "layer", "theme", "estop", "scene"]
 
 
+def test_what_starts_the_nodes_again_is_asked_for_once_a_change_and_answered_there(opened, served):
+    tab = opened(expert=True)
+    served.asked.clear()
+    tab.page.select_option("#offer_exchange_method", "wave")
+    tab.until_text("restart_answer", "^done$")
+    assert tab.page.text_content("label[for=offer_delay]") == "delay [ms] (0 to 200)"
+    tab.page.focus("#offer_delay")
+    for _ in range(20):
+        tab.page.keyboard.press("ArrowRight")
+    shown = float(tab.page.input_value("#offer_delay + input"))
+    waiting.until(lambda: len(served.asked) > 1, "a delay", lambda: tab.page.wait_for_timeout(20), limit=PATIENCE)
+    method, delay = ({"do": "restart", "name": name} for name in ("exchange.method", "delay"))
+    assert shown > 0.0 and served.asked == [method | {"value": "wave"}, delay | {"value": shown}]
+
+
 def colour(tab, selector, what):
     return tab.page.evaluate(f"getComputedStyle(document.querySelector({selector!r}))[{what!r}]")
 
@@ -261,7 +333,7 @@ def colour(tab, selector, what):
 @pytest.mark.parametrize("scheme", ("light", "dark"))
 def test_with_forced_colours_everything_is_told_by_the_systems_own(opened, served, scheme):
     tab = opened(expert=True, color_scheme=scheme, forced_colors="active")
-    served.walls = made_up.WALLS
+    served.tell("values", values(**WALLS))
     canvas = tab.page.evaluate("""() => {
         const probe = document.body.appendChild(document.createElement("p"));
         Object.assign(probe.style, { forcedColorAdjust: "none", background: "Canvas" });
@@ -303,13 +375,13 @@ def test_who_wants_less_motion_gets_none(opened, wish, duration):
 @pytest.mark.parametrize("size", (DESK, PHONE), ids=("desk", "phone"))
 def test_axe_finds_nothing_moderate_or_worse_in_either_layer_with_a_fault_and_with_walls(opened, served, size):
     tab, found = opened(size), {}
-    served.nodes["haptic_driver"] = made_up.WITHHELD
+    served.tell("status", status(unfelt=NOT_FELT))
     tab.until("document.getElementById('state').dataset.level === 'warn'")
     tab.page.click("#words .fold")
     for step in ("simple", "expert with a fault", "simple with a fault"):
         if step == "expert with a fault":
             tab.page.click("#layer")
-            served.walls = made_up.WALLS
+            served.tell("values", values(**WALLS))
             tab.until("document.querySelectorAll('#sliders .walls input, #walls input').length > 0")
             fail(tab, served)
         elif step == "simple with a fault":
@@ -317,28 +389,27 @@ def test_axe_finds_nothing_moderate_or_worse_in_either_layer_with_a_fault_and_wi
         for scheme in ("light", "dark", "forced"):
             forced = "active" if scheme == "forced" else "none"
             tab.page.emulate_media(color_scheme="light" if scheme == "light" else "dark", forced_colors=forced)
-            found[f"{step}, {scheme}"] = harm(tab)
+            found[f"{step}, {scheme}"] = tab.harm()
         tab.shot(f"{step.replace(' ', '_')}_{size[0]}")
     assert found == dict.fromkeys(found, [])
-
-
-def harm(tab):
-    """What axe finds moderate or worse: rule and elements."""
-    found = Axe().run(tab.page).response["violations"]
-    return [(rule["id"], [node["target"] for node in rule["nodes"]]) for rule in found if rule["impact"] in HARM]
 
 
 def test_a_page_whose_viewer_was_started_anew_goes_on_by_itself_with_the_same_link(chromium, monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
-    first, tab = made_up.MadeUp(port), Tab(chromium)
+    first, tab = MadeUpViewer(port, status=status()), Tab(chromium)
     tab.page.goto(first.address)
     tab.until_text("state", "^engaged$")
     first.close()
     tab.until_text("state", "no viewer")
-    again = made_up.MadeUp(port)
+    again = MadeUpViewer(port, status=status())
     tab.until_text("state", "^engaged$")
     assert again.address == first.address and not tab.page.is_visible("#banner")
     tab.page.close()
     again.close()
+
+
+def test_a_made_up_viewer_without_a_port_fails_its_test_at_once():
+    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(ValueError, match="in use"):
+        MadeUpViewer(taken.getsockname()[1])

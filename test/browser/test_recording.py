@@ -1,19 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recording on the page, and the film of a recording: first without nodes, from files and made-up news, then live."""
 
-import asyncio
-import threading
 from pathlib import Path
 
 import pytest
 import waiting
-from axe_playwright_python.sync_playwright import Axe
 from conftest import PATIENCE, Tab
 from filmed_bag import SCENE, film_bag, rows_of
+from made_up_viewer import MadeUpViewer
 
 from haptic_device.analysis.report.reading import read_run
 from haptic_sim.film.write import write_film
-from haptic_sim.viewer.server import Server
 
 pytestmark = pytest.mark.timeout(600)
 HOSTILE = "<img src=x onerror=alert(1)>"
@@ -22,6 +19,7 @@ BAGS = [
     {"name": name, "seconds": seconds, "size": 1.5e6}
     for name, seconds in (("two", 65.2), (HOSTILE, 3.0), ("cut", None))
 ]
+NEWS = {"state": "ready", "seconds": 0.0, "bag": "", "name": "", "bags": BAGS}
 
 
 @pytest.fixture(scope="module")
@@ -53,12 +51,6 @@ def film(chromium, films):
     for tab in opened:
         assert tab.complaints == []
         tab.page.close()
-
-
-def findings(tab, part=None):
-    """Rules of axe of which something is wrong, more than a little, in this part of the page, or in all of it."""
-    found = Axe().run(tab.page, part).response["violations"]
-    return [one["id"] for one in found if one["impact"] in ("moderate", "serious", "critical")]
 
 
 def shown(tab):
@@ -163,48 +155,16 @@ def test_two_recordings_are_on_top_of_each_other_aligned_at_the_first_contact(fi
 def test_a_film_passes_the_accessibility_check(film, scheme, size):
     tab = film("both", width=size[0], height=size[1], color_scheme=scheme)
     assert tab.page.evaluate("document.documentElement.dataset.theme") == scheme
-    assert findings(tab) == []
+    assert tab.harm() == []
     assert tab.page.evaluate("document.documentElement.scrollWidth") <= size[0], "nothing sticks out at the side"
     tab.shot(f"film_{scheme}_{size[0]}")
 
 
-class Told:
-    """A viewer's server without nodes; each page is told this news of recordings, and what it asks for is kept."""
-
-    def __init__(self, news):
-        self.asked, self._news, self._loop = [], news, asyncio.new_event_loop()
-        self.server = Server("127.0.0.1", 0, self._welcome, self._do)
-        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
-        self._thread.start()
-        self._run(self.server.start())
-
-    def tell(self, **news):
-        self._news |= news
-        self._loop.call_soon_threadsafe(self.server.tell, "recordings", dict(self._news))
-
-    def close(self):
-        self._run(self.server.stop())
-        self._loop.call_soon_threadsafe(self._loop.stop)
-        self._thread.join(PATIENCE)
-
-    def _run(self, work):
-        return asyncio.run_coroutine_threadsafe(work, self._loop).result(PATIENCE)
-
-    def _welcome(self, session):
-        hello = {"control": session.control, "declarations": [], "scenes": [], "methods": [], "looking": ""}
-        session.tell("hello", hello)
-        session.tell("recordings", dict(self._news))
-
-    async def _do(self, message, session):
-        self.asked.append(message)
-        return "done"
-
-
 @pytest.fixture
-def told():
-    one = Told({"state": "ready", "seconds": 0.0, "bag": "", "name": "", "bags": BAGS})
-    yield one
-    one.close()
+def viewer():
+    served = MadeUpViewer(recordings=NEWS)
+    yield served
+    served.close()
 
 
 def opened(chromium, address):
@@ -214,16 +174,16 @@ def opened(chromium, address):
     return tab
 
 
-def test_the_panel_says_at_once_what_was_pressed_and_then_what_is(chromium, told):
-    tab = opened(chromium, told.server.address(True))
+def test_the_panel_says_at_once_what_was_pressed_and_then_what_is(chromium, viewer):
+    tab = opened(chromium, viewer.address)
     tab.page.click("#record")
     assert tab.text("record_state") == "starting" and tab.page.is_disabled("#record")
-    told.tell(state="recording", seconds=62.0)
+    viewer.tell("recordings", NEWS | {"state": "recording", "seconds": 62.0})
     tab.until("/^recording$/.test(record_state.textContent) && /^1:0[2-9]$/.test(record_clock.textContent)")
     assert tab.text("record") == "Stop recording" and tab.page.get_attribute("#record", "aria-pressed") == "true"
     tab.page.click("#record")
     assert tab.text("record_state") == "saving"
-    told.tell(state="saved", bag="/somewhere/haptic_bags/two", name="two")
+    viewer.tell("recordings", NEWS | {"state": "saved", "bag": "/somewhere/haptic_bags/two", "name": "two"})
     tab.until("!document.getElementById('saved').hidden")
     assert tab.text("record_state") == "saved" and tab.text("record_clock") == ""
     assert tab.page.input_value("#bag_path") == "/somewhere/haptic_bags/two"
@@ -231,15 +191,15 @@ def test_the_panel_says_at_once_what_was_pressed_and_then_what_is(chromium, told
         "#saved_links a", "all => all.map((a) => [a.textContent, a.getAttribute('href')])"
     )
     assert found == [["Report", "recordings/report.html?bag=two"], ["Replay", "recordings/film.html?bag=two"]]
-    told.tell(state="no recorder")
+    viewer.tell("recordings", NEWS | {"state": "no recorder"})
     tab.until_text("record", "No recorder runs")
-    assert findings(tab, "#recording") == [] and tab.complaints == []
-    assert [message.on for message in told.asked] == [True, False]
+    assert tab.harm("#recording") == [] and tab.complaints == []
+    assert [message["on"] for message in viewer.asked] == [True, False]
     tab.page.close()
 
 
-def test_two_recordings_of_the_list_are_chosen_and_names_stay_text(chromium, told):
-    tab = opened(chromium, told.server.address(True))
+def test_two_recordings_of_the_list_are_chosen_and_names_stay_text(chromium, viewer):
+    tab = opened(chromium, viewer.address)
     tab.page.click("#earlier summary")
     assert [text.split(", ", 1)[1] for text in tab.page.locator("#bags label").all_text_contents()] == [
         "1:05, 1.5 MB",
@@ -255,12 +215,12 @@ def test_two_recordings_of_the_list_are_chosen_and_names_stay_text(chromium, tol
     assert pair == "recordings/film.html?bag=two&bag=%3Cimg%20src%3Dx%20onerror%3Dalert(1)%3E"
     boxes.nth(2).check()
     assert not tab.page.is_visible("#pair") and tab.page.is_visible("#pair_note")
-    assert findings(tab, "#recording") == [] and tab.complaints == []
+    assert tab.harm("#recording") == [] and tab.complaints == []
     tab.page.close()
 
 
-def test_a_page_that_looks_on_only_has_the_list_and_no_button_to_record(chromium, told):
-    tab = opened(chromium, told.server.address(False))
+def test_a_page_that_looks_on_only_has_the_list_and_no_button_to_record(chromium, viewer):
+    tab = opened(chromium, viewer.looking)
     assert not tab.page.is_visible("#record") and tab.page.is_visible("#earlier")
     tab.page.close()
 

@@ -1,105 +1,70 @@
 # SPDX-License-Identifier: Apache-2.0
 """Walls and gains on the page: what is made-up news needs no nodes; the rest is with those of the first page."""
 
-import asyncio
 import json
-import threading
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
-from conftest import Tab
+import waiting
+from conftest import PATIENCE, Tab
+from made_up_viewer import VALUES, MadeUpViewer
 
 from haptic_device.parameter_types import defaults
 from haptic_sim.viewer import messages, settings
-from haptic_sim.viewer.server import Server
 
 pytestmark = pytest.mark.timeout(600)
 DRIVER, NAME = settings.DRIVER, "coupling.stiffness"
-SERIOUS = ("serious", "critical")
-STILL = {
-    "tool": None,
-    "target": None,
-    "force": [1.0, 0.0, 0.0],
-    "felt": None,
-    "bodies": [],
-    "contacts": [],
-    "results": [],
+PASSIVE = {
+    "coupling.stiffness": [0.0, 2310.7],
+    "coupling.damping": [0.25, 1.9],
+    "new_wall": [0.0, 1200.0],
 }
 
 
 class Stage:
-    """A page's server with a made-up driver: takes what is set, or refuses it with `refusal`. `asked` is what came."""
+    """A made-up driver behind a page: takes what is set, or refuses it with `refusal`. `asked` is what came."""
 
     def __init__(self):
-        self.driver = json.loads(json.dumps(defaults(settings.NODES[DRIVER])))
-        self.began, self.asked, self.refusal, self.axes, self.handle = dict(self.driver), [], "", 3, [0.0, 0.0, 0.0]
-        self.passive = {"coupling.stiffness": [0.0, 2310.7], "coupling.damping": [0.25, 1.9], "new_wall": [0.0, 1200.0]}
-        self.sent = None
-        ready = threading.Event()
-        threading.Thread(target=lambda: asyncio.run(self._serve(ready)), daemon=True).start()
-        assert ready.wait(60.0)
-
-    async def _serve(self, ready):
-        self._server = Server("127.0.0.1", 0, self._welcome, self._do, self._save, self._load)
-        await self._server.start()
-        self.address, self._over = self._server.address(True), asyncio.Event()
-        self._loop = asyncio.get_running_loop()
-        ready.set()
-        while not self._over.is_set():
-            frame = {"time": self._loop.time(), "handle": self.handle, "coupled": True, "energy": [None, None]}
-            self._server.show(STILL | frame)
-            await asyncio.sleep(0.02)
-        await self._server.stop()
-
-    def _welcome(self, session):
-        hello = {"control": True, "declarations": settings.declarations(), "scenes": [], "methods": [], "looking": ""}
-        session.tell("hello", hello)
-        session.tell("scene", None)
-        session.tell("values", self._values())
-        session.tell("status", {"nodes": {}, "problem": "", "viewer": {"cpu": 0.0, "pages": 1, "sent": 0.0}})
+        self.driver = json.loads(json.dumps(defaults(settings.NODES[DRIVER])))  # a page gives lists, never tuples
+        self.began, self.asked, self.refusal, self.axes = settings.live_of(self.driver), [], "", 3
+        self.passive, self.sent = dict(PASSIVE), None
+        self._viewer = MadeUpViewer(do=self._do, load=self._load, values=self._values())
+        self._viewer.show()
+        self.address, self.close = self._viewer.address, self._viewer.close
 
     def _values(self):
-        return {
-            "values": {DRIVER: self.driver},
-            "offer": {},
-            "began": settings.live_of(self.began),
-            "passive": self.passive,
-            "workspace": [[-0.1, 0.1], [-0.1, 0.1], [-1.0, 1.0]][: self.axes],
-            "device": "made up",
-            "damping": [3.0] * self.axes,
-        }
+        news = {"values": {DRIVER: self.driver}, "began": self.began, "passive": self.passive}
+        workspace = [[-0.1, 0.1], [-0.1, 0.1], [-1.0, 1.0]][: self.axes]
+        return VALUES | news | {"workspace": workspace, "damping": [3.0] * self.axes}
 
-    async def _do(self, message, session):
+    def _do(self, message):
         if isinstance(message, messages.SetAll):
             self.asked.append(message.values)
-            if self.refusal:
-                raise ValueError(self.refusal)
-            self.driver |= message.values
-            self._server.tell("values", self._values())
+            self._take(message.values)
         return ""
 
-    async def _save(self):
-        return ""
-
-    async def _load(self, file):
+    def _load(self, file):
         self.sent = file
+        self._take({"coupling.stiffness": 123.0})
+        return "the file is loaded"
+
+    def _take(self, values):
         if self.refusal:
             raise ValueError(self.refusal)
-        self.driver["coupling.stiffness"] = 123.0
-        self._server.tell("values", self._values())
-        return "the file is loaded"
+        self.driver = self.driver | values
+        self.tell()
+
+    def lead(self, tab, *handle):
+        """The handle is here [m, m, rad], and the page has drawn it there."""
+        self._viewer.show_drawn(tab, handle=handle)
 
     def tell(self, **driver):
         """Values that somebody else has set."""
-        self.driver |= {name.replace("__", "."): value for name, value in driver.items()}
-        self._loop.call_soon_threadsafe(lambda: self._server.tell("values", self._values()))
+        self.driver = self.driver | {name.replace("__", "."): value for name, value in driver.items()}
+        self._viewer.tell("values", self._values())
 
     @property
     def walls(self):
         return {name: self.driver[f"wall.{name}"] for name in ("normals", "offsets", "stiffness", "damping")}
-
-    def close(self):
-        self._loop.call_soon_threadsafe(self._over.set)
 
 
 @pytest.fixture
@@ -121,12 +86,7 @@ def page(chromium, stage):
 
 
 def until(tab, found):
-    tab.until("true", before=lambda: None)
-    for _ in range(400):
-        if found():
-            return
-        tab.page.wait_for_timeout(20)
-    raise AssertionError(tab.page.inner_text("body")[:2000])
+    waiting.until(found, "what the driver was asked for", lambda: tab.page.wait_for_timeout(20), limit=PATIENCE)
 
 
 def field(name):
@@ -155,8 +115,7 @@ def dragged(tab, kind, x, y):
 
 
 def test_a_wall_is_added_below_the_handle_and_all_its_values_go_together(page, stage):
-    stage.handle = [0.02, 0.03, 0.0]
-    page.page.wait_for_timeout(200.0)
+    stage.lead(page, 0.02, 0.03, 0.0)
     added(page, stage)
     assert stage.walls == {"normals": [0, 1], "offsets": [0.02], "stiffness": [600], "damping": [0]}
     assert set(stage.asked[-1]) == {f"wall.{name}" for name in stage.walls} and page.text("walls_answer") == ""
@@ -168,7 +127,7 @@ def test_a_wall_is_added_below_the_handle_and_all_its_values_go_together(page, s
 def test_a_device_of_one_axis_has_walls_across_it_that_do_not_turn(page, stage):
     stage.axes = 1
     stage.tell()
-    page.page.wait_for_timeout(200.0)
+    stage.lead(page, 0.0, 0.0, 0.0)
     added(page, stage)
     assert stage.walls["normals"] == [1, 0] and stage.walls["offsets"] == [-0.01]
     assert page.page.locator("#wall_1_direction, .dot.turn").count() == 0
@@ -194,10 +153,10 @@ def test_a_wall_that_is_dragged_at_the_hand_waits_until_the_hand_has_gone_on(pag
     added(page, stage)
     dragged(page, "move", 0, -150)
     until(page, lambda: stage.walls["offsets"] == [0.0])
-    stage.handle = [0.0, 0.004, 0.0]
+    stage.lead(page, 0.0, 0.004, 0.0)
     until(page, lambda: stage.walls["offsets"] == [0.004])
     assert page.text("wall_1_answer") == "The hand is in the way: the wall stops at it."
-    stage.handle = [0.0, 0.2, 0.0]
+    stage.lead(page, 0.0, 0.2, 0.0)
     until(page, lambda: stage.walls["offsets"][0] > 0.015)
     page.page.mouse.up()
     page.until("document.getElementById('wall_1_answer').textContent === ''")
@@ -329,10 +288,7 @@ def test_walls_and_gains_are_accessible_in_both_layers_and_themes(chromium, stag
     stage.refusal = "coupling.stiffness 90000 N/m needs b > 14"
     put(tab, "tuned_coupling_stiffness" if expert else "gain_coupling_stiffness", 90000)
     tab.until_text(f"{'tuned' if expert else 'gain'}_coupling_stiffness_answer", "needs b > 14")
-    found = Axe().run(tab.page).response["violations"]
-    assert [
-        (rule["id"], [node["target"] for node in rule["nodes"]]) for rule in found if rule["impact"] in SERIOUS
-    ] == []
+    assert tab.harm() == []
     tab.shot(f"tuning_{'expert' if expert else 'simple'}_{scheme}")
     tab.page.close()
 
@@ -356,8 +312,7 @@ def test_a_wall_that_is_moved_into_the_live_hand_is_no_fault(tab, listener):
     listener.set_walls(**wall, offsets=[y - 0.01])
     listener.set_walls(**wall, offsets=[y + 0.03])  # which no page asks for
     tab.until("document.querySelectorAll('.wall').length === 1")
-    since = len(listener.truths)
-    listener.until(lambda: len(listener.truths) > since + 500, "a second of truths")
+    listener.later()
     assert tab.text("state") == "engaged"
     tab.page.click("#wall_1_remove")
     tab.until("document.querySelectorAll('.wall').length === 0")
