@@ -11,10 +11,11 @@ from typing import Annotated
 import typer
 
 from haptic_device import ros_environment
+from haptic_device.digits import amount
 from haptic_device.status import LEVELS
 from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.numbers import whole
-from haptic_sim.cli.words import amount, console, next_step
+from haptic_sim.cli.words import console, next_step
 from haptic_sim.supervision.processes import NAMESPACE
 
 STYLES = ("green", "yellow", "bold red", "magenta")

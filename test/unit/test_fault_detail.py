@@ -20,7 +20,7 @@ TOLD = {
     "device_silent": r"no answer for 0\.0[0-9]+ s; the limit is 0\.02 s",
     "not_a_number": r"the force of the coupling along x was not a number",
     "encoder_jump": r"x moved by 0\.005 m in 0\.25 ms; the limit is 0\.0045 m",
-    "position": r"the handle was at x = -0\.002 m; the workspace ends at -0\.0019 m",
+    "position": r"the handle was at x = −0\.002 m; the workspace ends at −0\.0019 m",
     "velocity": r"[0-9.]+ m/s along x; the limit is 2 m/s",
     "saturation": r"2(\.0[0-9])? N wanted along x for 1 s; the limit is 1\.9 N",
     "device_watchdog": "",
@@ -28,7 +28,7 @@ TOLD = {
     "unattended": r"the limit is 5 s",
     "device_estop": "",
     "device_hot": "",
-    "device_limit": r"the handle was at x = -0\.002 m, y = 0 m, theta = 0 rad",
+    "device_limit": r"the handle was at x = −0\.002 m, y = 0 m, theta = 0 rad",
     "device_encoder": "",
 }
 
@@ -65,25 +65,29 @@ def test_a_device_that_was_not_written_to_is_told_for_how_long():
     assert number(rows, runner.settings[0]) == "no command for 0.1 s"
 
 
-@pytest.mark.parametrize(("place", "said"), [(0.1201, True), (0.120005, True), (0.12, False), (-0.12, False), (-0.1201, True)])
+PLACES = [(0.1201, True), (0.120005, True), (0.12, False), (-0.12, False), (-0.1201, True)]
+
+
+@pytest.mark.parametrize(("place", "said"), PLACES)
 def test_a_handle_within_the_workspace_is_not_said_to_be_outside(place, said):
     runner = pressing()
     row = np.concatenate(runner.rows).ravel()[-1:].copy()
     device = runner.settings[0]["hardware"]
     device["position_low"], device["position_high"] = -0.12, 0.12
     row["fault"], row["counts"][0, 1] = faults.POSITION, round(place / device["position_per_count"][1])
-    end = "-0.12" if place < 0.0 else "0.12"
-    sentence = f"the handle was at y = {place:g} m; the workspace ends at {end} m"
+    end = "−0.12" if place < 0.0 else "0.12"
+    at = f"{place:g}".replace("-", "−")
+    sentence = f"the handle was at y = {at} m; the workspace ends at {end} m"
     assert number(row, runner.settings[0]) == (sentence if said else "")
 
 
-@pytest.mark.parametrize(("speed", "said"), [(0.601, True), (0.599, False), (-0.601, True)])
+@pytest.mark.parametrize(("speed", "said"), [(0.601, True), (0.60004, True), (0.599, False), (-0.601, True)])
 def test_a_speed_is_told_with_its_limit_only_beyond_it(speed, said):
     runner = pressing()
     row = np.concatenate(runner.rows).ravel()[-1:].copy()
     runner.settings["hardware"]["velocity_limit"] = 0.6
     row["fault"], row["velocity"] = faults.VELOCITY, (0.0, 0.0, speed)
-    sentence = "0.601 rad/s along theta; the limit is 0.6 rad/s"
+    sentence = f"{abs(speed):g} rad/s along theta; the limit is 0.6 rad/s"
     assert number(row, runner.settings[0]) == (sentence if said else "")
 
 
