@@ -43,6 +43,24 @@ def test_refusal_names_the_wall_its_need_what_the_device_has_and_the_largest_sti
     )
 
 
+def test_a_refusal_never_reads_as_if_the_gains_fitted():
+    beyond = gain_check.refusal(settings(**walls(6000.5, 0.05, 90.0)))
+    assert "needs b > 0.8001 N s/m" in beyond and beyond.endswith("the device has 0.8: allowed under 6000 N/m")
+    slow = {"servo__rate": 1000.0, "coupling__damping": 2.0}
+    assert gain_check.refusal(settings(3.0, **slow, coupling__stiffness=1999.0)) == ""
+    assert gain_check.refusal(settings(3.0, **slow, coupling__stiffness=2000.0)) == (
+        "coupling.stiffness 2000 N/m with coupling.damping 2 N s/m needs b > 3 N s/m at T = 1 ms; "
+        "the device has 3: allowed under 2000 N/m"
+    )
+
+
+@pytest.mark.parametrize(("damping", "allowed"), [(0.9, "at no stiffness"), (0.79905, "under 7.59 N/m")])
+def test_where_damping_leaves_little_the_allowed_stiffness_is_not_rounded_to_none(damping, allowed):
+    assert gain_check.refusal(settings(**walls(100.0, damping, 90.0))).endswith(
+        f"the device has 0.8: allowed {allowed}"
+    )
+
+
 def test_a_wall_that_leans_by_rounding_towards_an_axis_that_is_not_there_is_refused_as_one_that_does_not():
     lean = values("haptic_driver", **walls(12000.0, 0.05, 180.0))  # sin 180° is 1.2e-16 here
     assert gain_check.refusal(controller_config.settings_from(device(0.8, axes=1), lean)[0]).endswith(
