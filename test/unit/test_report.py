@@ -438,6 +438,7 @@ def test_bags_that_cannot_be_shown_are_left_out_of_the_page_which_says_so(bags, 
     for sentence in ("arm is of no haptic display", "nowhere does not exist"):
         assert page.count(sentence) == said.count(sentence) == 1
     assert "<h1>Report: calm</h1>" in page and said.count("left out: ") == 2
+    assert said.endswith(f"next: open {tmp_path / 'report' / 'report.html'}\n")
 
 
 def test_where_no_bag_can_be_shown_nothing_is_written(tmp_path):
