@@ -74,9 +74,9 @@ def _message(said) -> str:
     """A node's own words; of a latched fault what it is, and what to do."""
     if not (name := said.values.get("fault")):
         return said.message
-    from haptic_sim.fault_sentence import FAULTS, what_to_do  # it loads the compiler
+    from haptic_sim.fault_sentence import FAULTS, TYPE, what_to_do  # it loads the compiler
 
-    return what_to_do(name, said.values.get("fault_detail", "")) if name in FAULTS else said.message
+    return what_to_do(name, said.values.get("fault_detail", ""), TYPE) if name in FAULTS else said.message
 
 
 def _order(item):

@@ -13,7 +13,7 @@ from haptic_device.control import enable_state, faults
 from haptic_device.nodes.fault_detail import KEPT, LatchedFault, number
 from haptic_device.status import Status
 from haptic_sim.cli.status import newest
-from haptic_sim.fault_sentence import FAULTS, PRESS, cause, fell, steps, what_to_do
+from haptic_sim.fault_sentence import FAULTS, PRESS, TYPE, cause, fell, steps, what_to_do
 
 TOLD = {
     "estop": "",
@@ -123,7 +123,7 @@ def test_haptic_status_tells_a_fault_in_its_words_and_what_else_a_node_says_as_i
         client = SimpleNamespace(statuses=said, heard={"haptic_driver": time.monotonic()}, node=node)
         return newest(client)["haptic_driver"]["message"]
 
-    assert shown(fault=name, fault_detail="1 m") == what_to_do(name, "1 m")
+    assert shown(fault=name, fault_detail="1 m") == what_to_do(name, "1 m", TYPE)
     assert shown(fault="") == shown(fault="of a newer driver") == shown() == "its own words"
 
 
@@ -133,5 +133,6 @@ def test_page_and_terminal_tell_the_same_cause_and_differ_in_what_to_press(name)
     assert fell(name, "1 m") == f"{fault.title} (fault {name}): {fault.cause}; 1 m"
     assert cause(name) == fault.cause and what_to_do(name).startswith(f"{fell(name)}. ")
     assert steps(name).lower().startswith(fault.first) and steps(name).lower().endswith(f"{PRESS.lower()}.")
-    assert what_to_do(name).lower().endswith("press r and e in haptic status.")
+    assert what_to_do(name, last=TYPE).lower().endswith("press r and e in haptic status.")
+    assert what_to_do(name).lower().endswith("start again.")  # the nodes are gone
     assert "~/" not in what_to_do(name)
