@@ -232,9 +232,9 @@ def _conclude(order: Order, found: dict, unended: str, wrong: list[str], as_json
     found = nothing() | found
     found["faults"] = found["faults"] + wrong
     why = not_done(found, unended, 0.0 if order.relay else ANSWERED)
-    said = [unended] if unended and not why else []  # the table has the rest
-    if as_json:
-        said = [why or unended, (found["exchange"] or {}).get("cause"), found["late"]]
+    said = [why or unended, (found["exchange"] or {}).get("cause"), found["late"]]
+    if found["exchange"] and not as_json:  # what stands below the table is said there
+        said = [] if why else [unended]
     for sentence in filter(None, said):
         print(f"haptic demo: {sentence}", file=sys.stderr)
     found = {"scene": order.scene, "done": not why, "why": why, **found, "bag": str(bag) if bag.exists() else None}

@@ -18,21 +18,19 @@ from haptic_sim.cli.words import console, print_sentence
 
 
 def print_outcome(found: dict) -> None:
-    """Prints the figures as a table on standard output."""
+    """Prints the figures as a table on standard output, and why the job was not done; without figures neither."""
     title = f"{found['scene']}: {'done' if found['done'] else 'NOT done'}"
     if found["exchange"]:
         table = Table("figure", "value", title=Text(title))
         for words, value in rows(found):
             table.add_row(Text(words), Text(value))
         console().print(table)
+        if found["why"]:
+            print_sentence(f"not done because {found['why']}")
+        for sentence in filter(None, (found["exchange"].get("cause"), found["late"])):
+            print_sentence(sentence)
     else:
         print(title)
-    if found["why"]:
-        print_sentence(f"not done because {found['why']}")
-    if cause := (found["exchange"] or {}).get("cause"):
-        print_sentence(cause)
-    if found["late"]:
-        print_sentence(found["late"])
     for name in ("bag", "report"):
         print(f"{name:8}{found[name] or 'none'}")
 
