@@ -7,7 +7,9 @@ import math
 import numpy as np
 
 from haptic_device.control import passivity, velocity_estimator
+from haptic_device.digits import apart, plain
 
+WHOLE = 100.0  # N/m, N m/rad from which on an allowed stiffness is a whole number
 PRECISE = 1e-4  # of a lateness that is too much, to which the most is found
 
 
@@ -124,7 +126,7 @@ def refusal(settings, lateness=0.0):
 def refusals(settings, lateness=0.0, other=None):
     """A sentence for each wall and axis whose gains the device's damping does not cover, or one for all together.
 
-    other: a lateness [s] for which each says the most stiffness too.
+    other: a lateness [s] for which each says the allowed stiffness too.
     """
     if min(margins(settings, lateness)[1:]) > 0.0:
         return
@@ -188,8 +190,8 @@ def _blames(settings, lateness, other=None):
 
 
 def _blame(name, needed, stiffness, damping, there, settings, late, priced=lambda lateness: 1.0, told="", which=""):
-    """needed: of a wall or a coupling; late: the lateness, and another for which the most is said too, or None; told:
-    which gains make the damping that counts, if it is not the wall's own; which: of several walls.
+    """needed: of a wall or a coupling; late: the lateness, and another for which it is said too what is allowed, or
+    None; told: which gains make the damping that counts, if it is not the wall's own; which: of several walls.
     """
     (lateness, other), period, counted = late, float(settings["period"]), damping * _switched(settings)
     price = priced(lateness)
@@ -198,26 +200,29 @@ def _blame(name, needed, stiffness, damping, there, settings, late, priced=lambd
         return ""
     unit, damping_unit = ("N m/rad", "N m s/rad") if "rotational" in name else ("N/m", "N s/m")
 
-    def most(late):
+    def allowed(late):
         left = max(0.0, there / priced(late) - needed(0.0, counted, period, late))
-        return f"{math.floor(left / needed(1.0, 0.0, period, late)):g} {unit}"
+        limit = left / needed(1.0, 0.0, period, late)
+        limit = math.floor(limit) if limit >= WHOLE else math.floor(1e2 * limit) / 1e2
+        return f"under {plain(limit, unit)}" if limit > 0.0 else "at no stiffness"
 
     twice = " (twice, for adaptive_window)" if counted > damping else ""
+    lacking, has = apart(need, there)
     late = f", {lateness * 1e3:.3g} ms late" if lateness > 0.0 else ""
     late += ", cancellation.band being narrower than a tick's travel" if price > 1.0 else ""
     return (
         f"{name} {stiffness:.6g} {unit}{which} with {told or f'damping {damping:.4g} {damping_unit}'}{twice} "
-        f"needs b > {need:.4g} {damping_unit} at T = {period * 1e3:.4g} ms{late}; the device has {there:.4g}: "
-        f"at most {most(lateness)}{_elsewhere(lateness, other, most)}"
+        f"needs b > {lacking} {damping_unit} at T = {period * 1e3:.4g} ms{late}; the device has {has}: "
+        f"allowed {allowed(lateness)}{_elsewhere(lateness, other, allowed)}"
     )
 
 
-def _elsewhere(lateness, other, most):
-    """What the most stiffness is at another lateness."""
+def _elsewhere(lateness, other, allowed):
+    """Which stiffness is allowed at another lateness."""
     if other is not None and other > lateness:
-        return f", and {most(other)} where forces act {other * 1e3:.3g} ms late, as they do here"
+        return f", and {allowed(other)} where forces act {other * 1e3:.3g} ms late, as they do here"
     if other is not None and other < lateness:
-        return f", and {most(other)} on time"
+        return f", and {allowed(other)} on time"
     return ", or more with a shorter delay" if lateness > 0.0 else ""
 
 
@@ -230,10 +235,11 @@ def _blame_cancellation(settings, axis, lateness):
         return ""
     unit = "N m s/rad" if axis == 2 else "N s/m"
     twice = " (twice, for adaptive_window)" if counted > ratio * b else ""
+    needed, has = apart(need, b)
     late = f", {lateness * 1e3:.3g} ms late" if lateness > 0.0 else ""
     return (
-        f"cancellation.ratio {ratio:g}{twice} needs b > {need:.4g} {unit}{late}; "
-        f"the device has {b:.4g}: at most {math.floor(1e3 * ratio * b / need) / 1e3:g}"
+        f"cancellation.ratio {ratio:g}{twice} needs b > {needed} {unit}{late}; "
+        f"the device has {has}: at most {math.floor(1e3 * ratio * b / need) / 1e3:g}"
     )
 
 

@@ -7,6 +7,7 @@ FAULTS = {fault.name: fault for fault in TABLE}
 """The rows of the table of faults by name."""
 PRESS = "press Reset and engage"
 TYPE = "press r and e in haptic status"
+RUN = "start again"  # where the nodes have ended
 
 
 def cause(name: str, number: str = "") -> str:
@@ -14,14 +15,19 @@ def cause(name: str, number: str = "") -> str:
     return "; ".join(filter(None, (FAULTS[name].cause, number)))
 
 
+def called(name: str) -> str:
+    """Which fault."""
+    return f"{FAULTS[name].title} (fault {name})"
+
+
 def fell(name: str, number: str = "") -> str:
     """Which fault, and its cause. number: the driver's entry `fault_detail`."""
-    return f"{FAULTS[name].title} (fault {name}): {cause(name, number)}"
+    return f"{called(name)}: {cause(name, number)}"
 
 
-def what_to_do(name: str, number: str = "") -> str:
-    """Which fault, its cause, and what to do, in a terminal."""
-    return f"{fell(name, number)}. {steps(name, TYPE)}"
+def what_to_do(name: str, number: str = "", last: str = RUN) -> str:
+    """Which fault, its cause, and what to do, in a terminal; after a run, or with TYPE at a display that goes on."""
+    return f"{fell(name, number)}. {steps(name, last)}"
 
 
 def steps(name: str, last: str = PRESS) -> str:

@@ -16,6 +16,8 @@ from haptic_sim.supervision.domain import isolated_domain
 
 # Read when numpy is first imported: its matrices here are small, and on a busy machine threads wait for one another.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# readline, which pytest loads, gives it to what is started afterwards: the workers of xdist.
+os.environ.pop("COLUMNS", None)
 # No deadline: the first call of a kernel may compile it. The same draws each time, so that no test is a lottery; others
 # with `pytest --hypothesis-profile=search`.
 hypothesis.settings.register_profile("search", deadline=None, derandomize=False)

@@ -13,6 +13,7 @@ from haptic_device.analysis.quantity import Quantity, not_negative, positive, wi
 from haptic_device.analysis.stability import largest_stable_stiffness, spectral_radius
 from haptic_device.analysis.transfer import wall_transfer
 from haptic_device.control.passivity import coupling_damping
+from haptic_device.digits import amount, apart
 
 LIMITS = {
     "stiffness": (0.0, 1e12, "N/m"),
@@ -129,10 +130,12 @@ def advise(display: Display, assessment: Assessment) -> str:
 
 def _lacks(display: Display, assessment: Assessment) -> Iterator[str]:
     if assessment.margin <= 0.0:
-        yield f"it needs b > {assessment.b_required:.4g} N s/m and the device has {display.physical_damping:.4g}"
+        need, has = apart(assessment.b_required, display.physical_damping)
+        yield f"it needs b > {need} N s/m and the device has {has}"
     if assessment.coulomb_required > display.coulomb:
-        need, step = assessment.coulomb_required, display.resolution
-        yield f"an encoder step of {step:.3g} m needs {need:.3g} N of friction and the device has {display.coulomb:.3g}"
+        need, has = apart(assessment.coulomb_required, display.coulomb)
+        step = amount(display.resolution, "m")
+        yield f"an encoder step of {step} needs {need} N of friction and the device has {has}"
 
 
 def _softer(assessment: Assessment) -> str:

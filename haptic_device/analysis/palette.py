@@ -22,13 +22,16 @@ HATCHES, HATCHED = ("", "..", "//"), "#9c4a22"
 
 SOLID, DASHED, DOTTED, MIXED = (0, ()), (0, (5, 2)), (0, (1, 1.5)), (0, (6, 2, 1, 2))
 
+Dashes = tuple[int, tuple[float, ...]]
+"""As matplotlib's linestyle takes them."""
+
 
 class Look(NamedTuple):
     """Colour, mark and dashes of a line."""
 
     colour: str
     mark: str
-    dashes: tuple[int, tuple[float, ...]] = SOLID
+    dashes: Dashes = SOLID
 
     @property
     def line(self) -> dict[str, Any]:
@@ -51,6 +54,15 @@ PEERS = {
     "mujoco_rk4": Look(GREY, "+", DASHED),
     "mujoco_implicit": Look(BLACK, "x", DASHED),
 }
+RUNS = (
+    Look(BLUE, "o"),
+    Look(VERMILION, "s", (0, (6, 2))),
+    Look(GREEN, "^", (0, (2, 1))),
+    Look(PURPLE, "D", MIXED),
+    Look(BLACK, "v", (0, (1, 1))),
+    Look(ORANGE, "p", (0, (10, 2))),
+)
+"""Runs over each other."""
 EXCHANGES = {
     "direct": Look(VERMILION, "v", DOTTED),
     "wave": Look(SKY, "^", DASHED),

@@ -7,6 +7,7 @@ import numpy as np
 
 from haptic_device.control import faults
 from haptic_device.control.records import TRACE_ROW
+from haptic_device.digits import apart, plain
 from haptic_device.message_fields import AXES
 
 KEPT = 64  # ticks before the one that latched a fault
@@ -49,7 +50,16 @@ def number(rows: np.ndarray, settings: np.void) -> str:
     code = int(rows["fault"][-1])
     fields = _FIELDS[code](rows, settings) if code in _FIELDS else None
     [fault] = [fault for fault in faults.TABLE if fault.code == code]
-    return fault.number.format_map(fields) if fields else ""
+    return fault.number.format_map(_told(fields)) if fields else ""
+
+
+def _told(fields):
+    """Numbers as texts; what is beyond its limit with enough digits to see that it is."""
+    told = {name: plain(value) if isinstance(value, float | np.floating) else value for name, value in fields.items()}
+    beyond = "value" if "value" in fields else "time"
+    if beyond in fields and "limit" in fields:
+        told[beyond], told["limit"] = apart(fields[beyond], fields["limit"])
+    return told
 
 
 def _along(i, **fields):
@@ -141,7 +151,7 @@ def _unattended(rows, settings):
 
 def _on_switch(rows, settings):
     told = zip(AXES, _places(rows[-1], settings), UNITS, strict=False)
-    return {"place": ", ".join(f"{axis} = {place:.4g} {unit}" for axis, place, unit in told)}
+    return {"place": ", ".join(f"{axis} = {plain(place, unit)}" for axis, place, unit in told)}
 
 
 def _first_beyond(found, **more):

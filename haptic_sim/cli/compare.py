@@ -7,13 +7,17 @@ from typing import Annotated
 
 import typer
 
+from haptic_sim.cli.completion import shipped
 from haptic_sim.cli.numbers import number
 from haptic_sim.cli.replay import As
+from haptic_sim.cli.words import next_step, shown_path
+
+_POINTS = "Operating points: names in config or YAML files."
 
 
 def compare(
     bag: Annotated[Path, typer.Argument(help="Bag folder or .mcap file with the hand's motion.")],
-    points: Annotated[list[str], typer.Argument(help="Operating points: names in config or YAML files.")],
+    points: Annotated[list[str], typer.Argument(help=_POINTS, autocompletion=shipped(""))],
     as_: Annotated[As, typer.Option("--as", help="The hand's target, or the device's own position.")] = As.target,
     delay: Annotated[float, number("--delay", "s", 0.0, 10.0, help="Delay of the exchange there and back [s].")] = 0.0,
     out: Annotated[Path | None, typer.Option(help="New folder for the bags and the report.")] = None,
@@ -37,4 +41,6 @@ def compare(
         rerun.replay(hand, rerun.recorded_point(recording, changes), Network(delay), out / name)
     runs = [read_run(out / name) for name in given]
     print_comparison({run.name: run for run in runs})
-    typer.echo(write_report(runs, out / "report"))
+    page = write_report(runs, out / "report")
+    typer.echo(page)
+    next_step(f"open {shown_path(page)}")

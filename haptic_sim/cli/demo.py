@@ -199,11 +199,7 @@ def _follow(seconds, domain, nodes):
             print(f"haptic demo: {sentence}", file=sys.stderr, flush=True)
 
         with status_line() as show:
-            try:
-                return follow(seconds, client, check, show, tell)
-            except NodeDiedError as died:
-                tell(died)
-                raise
+            return follow(seconds, client, check, show, tell)
 
 
 def _evaluate(order: Order, started: float) -> dict:
@@ -236,12 +232,11 @@ def _conclude(order: Order, found: dict, unended: str, wrong: list[str], as_json
     found = nothing() | found
     found["faults"] = found["faults"] + wrong
     why = not_done(found, unended, 0.0 if order.relay else ANSWERED)
-    if said := why or unended:
-        print(f"haptic demo: {said}", file=sys.stderr)
-    if cause := (found["exchange"] or {}).get("cause"):
-        print(f"haptic demo: {cause}", file=sys.stderr)
-    if found["late"]:
-        print(f"haptic demo: {found['late']}", file=sys.stderr)
+    said = [why or unended, (found["exchange"] or {}).get("cause"), found["late"]]
+    if found["exchange"] and not as_json:  # what stands below the table is said there
+        said = [] if why else [unended]
+    for sentence in filter(None, said):
+        print(f"haptic demo: {sentence}", file=sys.stderr)
     found = {"scene": order.scene, "done": not why, "why": why, **found, "bag": str(bag) if bag.exists() else None}
     if as_json:
         print(json_text.dumps(found))

@@ -6,8 +6,9 @@ from typing import Annotated
 
 import typer
 
+from haptic_device.digits import amount
 from haptic_sim.cli.numbers import number
-from haptic_sim.cli.words import amount, console, next_step
+from haptic_sim.cli.words import console, next_step
 
 TITLE = "How late the servo wakes up"
 

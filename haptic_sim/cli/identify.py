@@ -7,11 +7,12 @@ from typing import Annotated
 
 import typer
 
+from haptic_device.digits import with_error
 from haptic_device.os_errors import in_words
 from haptic_sim.cli.completion import shipped
 from haptic_sim.cli.numbers import number, whole
 from haptic_sim.cli.progress import INTERRUPTED
-from haptic_sim.cli.words import console, next_step, shown_path, with_error
+from haptic_sim.cli.words import console, next_step, shown_path
 
 _DEVICE = "Device description that the driver has, the beginning of the search (a name in config/devices or a file)."
 _TORQUE = "Largest torque of the shaking about theta (N m) [a twentieth of its motor's]."

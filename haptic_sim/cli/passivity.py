@@ -10,9 +10,10 @@ import typer
 from rich.table import Table
 
 from haptic_device.analysis.assessment import Display, advise, assess
+from haptic_device.digits import apart, plain
 from haptic_device.os_errors import in_words
 from haptic_sim.cli.numbers import number
-from haptic_sim.cli.words import console, figure, next_step, print_sentence
+from haptic_sim.cli.words import console, next_step, print_sentence
 
 
 def passivity(
@@ -84,35 +85,28 @@ def _next(display, assessment):
         wanted = {"coupling.damping": display.damping, "coupling.stiffness": display.stiffness}
         return "; ".join(f"haptic set haptic_driver {name} {value:g}" for name, value in wanted.items())
     limit = min(assessment.stiffness_max_passive, assessment.stiffness_max_mu)
-    lower = f"the same with --stiffness {figure(0.9 * limit, 2)}" if limit > 0.0 else "the same with another --damping"
-    return f"{lower}, or more --physical-damping"
+    other = f"--stiffness {plain(0.9 * limit, digits=2)}" if limit > 0.0 else "another --damping"
+    return f"the same with {other}, or more --physical-damping"
 
 
 def _rows(display, assessment):
-    has, wall = f"b = {figure(display.physical_damping, 4)} N s/m", f"K = {figure(display.stiffness, 4)} N/m"
-    coupling, limit = assessment.b_required_mu, assessment.stiffness_max_passive
-    yield (
-        "passive wall, any operator",
-        _word(assessment.margin > 0.0),
-        has,
-        f"b > {figure(assessment.b_required, 4)} N s/m",
-    )
-    yield "passive coupling, any simulation", _word(assessment.mu_passive), has, f"b > {figure(coupling, 4)} N s/m"
+    damping, stiffness = ("b", "N s/m", display.physical_damping), ("K", "N/m", display.stiffness)
+    limit = assessment.stiffness_max_passive
+    yield _row("passive wall, any operator", assessment.margin > 0.0, *damping, ">", assessment.b_required)
+    coupling = "passive coupling, any simulation"
+    yield _row(coupling, assessment.mu_passive, *damping, ">", assessment.b_required_mu)
     if display.resolution > 0.0:
         friction, needed = display.coulomb, assessment.coulomb_required
-        yield (
-            "encoder step covered by friction",
-            _word(friction >= needed),
-            f"{figure(friction, 4)} N",
-            f"{figure(needed, 4)} N",
-        )
-    yield "soft enough to be passive", _word(display.stiffness < limit), wall, f"K < {figure(limit, 4)} N/m"
-    stable = f"K < {figure(assessment.stiffness_max_stable, 4)} N/m"
-    yield "stable when nobody holds it", _word(assessment.stable), wall, stable
+        yield _row("encoder step covered by friction", friction >= needed, "f", "N", friction, "≥", needed)
+    yield _row("soft enough to be passive", stiffness[2] < limit, *stiffness, "<", limit)
+    yield _row("stable when nobody holds it", assessment.stable, *stiffness, "<", assessment.stiffness_max_stable)
 
 
-def _word(holds):
-    return "[green]yes[/green]" if holds else "[red]no[/red]"
+def _row(question, holds, symbol, unit, has, sign, needs):
+    """Has and needs with enough digits to see that one is beyond the other."""
+    told, limit = apart(has, needs)
+    needed = f"{symbol} {sign} {limit} {unit}" if math.isfinite(needs) else f"no {symbol} is enough"
+    return question, "[green]yes[/green]" if holds else "[red]no[/red]", f"{symbol} = {told} {unit}", needed
 
 
 def _heading(display):

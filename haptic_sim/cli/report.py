@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from haptic_device.os_errors import in_words
+from haptic_sim.cli.words import next_step, shown_path
 
 FILMED = 2  # bags that a film shows
 
@@ -44,6 +45,7 @@ def report(
         _film(runs, out)
     for sentence in said:
         typer.echo(sentence, err=True)
+    next_step(f"open {shown_path(page)}")
     if said:
         raise typer.Exit(1)
 

@@ -9,9 +9,10 @@ import typer
 from rich.table import Table
 
 from haptic_device.config_files import names
+from haptic_device.digits import amount
 from haptic_sim.cli.completion import shipped
 from haptic_sim.cli.progress import INTERRUPTED, progress
-from haptic_sim.cli.words import amount, console, next_step, print_sentence, shown_path
+from haptic_sim.cli.words import console, next_step, print_sentence, shown_path
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.explain import explain
 from haptic_sim.reduction.measured import read, said, write

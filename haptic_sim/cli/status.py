@@ -11,10 +11,11 @@ from typing import Annotated
 import typer
 
 from haptic_device import ros_environment
+from haptic_device.digits import amount
 from haptic_device.status import LEVELS
 from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.numbers import whole
-from haptic_sim.cli.words import amount, console, next_step
+from haptic_sim.cli.words import console, next_step
 from haptic_sim.supervision.processes import NAMESPACE
 
 STYLES = ("green", "yellow", "bold red", "magenta")
@@ -73,9 +74,9 @@ def _message(said) -> str:
     """A node's own words; of a latched fault what it is, and what to do."""
     if not (name := said.values.get("fault")):
         return said.message
-    from haptic_sim.fault_sentence import FAULTS, what_to_do  # it loads the compiler
+    from haptic_sim.fault_sentence import FAULTS, TYPE, what_to_do  # it loads the compiler
 
-    return what_to_do(name, said.values.get("fault_detail", "")) if name in FAULTS else said.message
+    return what_to_do(name, said.values.get("fault_detail", ""), TYPE) if name in FAULTS else said.message
 
 
 def _order(item):

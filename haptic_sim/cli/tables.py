@@ -11,27 +11,26 @@ from rich.table import Table
 from rich.text import Text  # what nodes have said may look like markup
 
 from haptic_device.analysis.report.run import Run
+from haptic_device.digits import amount, plain, with_error
 from haptic_device.status import number
 from haptic_sim.cli.outcome_rows import rows
-from haptic_sim.cli.words import console, figure, print_sentence, with_error
+from haptic_sim.cli.words import console, print_sentence
 
 
 def print_outcome(found: dict) -> None:
-    """Prints the figures as a table on standard output."""
+    """Prints the figures as a table on standard output, and why the job was not done; without figures neither."""
     title = f"{found['scene']}: {'done' if found['done'] else 'NOT done'}"
     if found["exchange"]:
         table = Table("figure", "value", title=Text(title))
         for words, value in rows(found):
             table.add_row(Text(words), Text(value))
         console().print(table)
+        if found["why"]:
+            print_sentence(f"not done because {found['why']}")
+        for sentence in filter(None, (found["exchange"].get("cause"), found["late"])):
+            print_sentence(sentence)
     else:
         print(title)
-    if found["why"]:
-        print_sentence(f"not done because {found['why']}")
-    if cause := (found["exchange"] or {}).get("cause"):
-        print_sentence(cause)
-    if found["late"]:
-        print_sentence(found["late"])
     for name in ("bag", "report"):
         print(f"{name:8}{found[name] or 'none'}")
 
@@ -79,24 +78,24 @@ def _stiffness(run: Run) -> str:
 
 def _error(run: Run) -> str:
     """RMS of the distance from handle to tool."""
-    return figure(float(np.sqrt(np.mean(_known(run.distance) ** 2, dtype=float))) * 1e3)
+    return plain(float(np.sqrt(np.mean(_known(run.distance) ** 2, dtype=float))) * 1e3)
 
 
 def _energy(run: Run) -> str:
     """Largest energy given to the operator: by the truth, or else as the servo counts it."""
     try:
-        return figure(float(np.max(_known(run.given))) * 1e3)
+        return plain(float(np.max(_known(run.given))) * 1e3)
     except ValueError:
-        return f"{figure(float(np.max(_known(run.booked))) * 1e3)} by the servo"
+        return f"{plain(float(np.max(_known(run.booked))) * 1e3)} by the servo"
 
 
 def _wave(run: Run) -> str:
     found = run.spectrum.oscillation
-    return "none" if found is None else f"{found.frequency:.0f} Hz, {figure(found.force)} N"
+    return "none" if found is None else f"{plain(found.frequency, 'Hz')}, {amount(found.force, 'N')}"
 
 
 def _margin(run: Run) -> str:
-    return figure(float(np.min(_known(run.rows["least margin [N s/m]"][:, :2]))))
+    return plain(float(np.min(_known(run.rows["least margin [N s/m]"][:, :2]))))
 
 
 def _cpu(run: Run) -> str:

@@ -9,11 +9,12 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from haptic_device.digits import amount, plain
 from haptic_device.os_errors import in_words
 from haptic_sim.cli.completion import shipped
 from haptic_sim.cli.numbers import number, whole
 from haptic_sim.cli.progress import INTERRUPTED, SCHEDULER, progress
-from haptic_sim.cli.words import amount, console, figure, next_step, print_sentence, shown_path
+from haptic_sim.cli.words import console, next_step, print_sentence, shown_path
 from haptic_sim.supervision.processes import NodeDiedError, interruptible
 
 _DEVICE = "Take m, b, friction, encoder step and delays from this device's x axis (a name in config/devices or a file)."
@@ -106,7 +107,7 @@ def _next(found, live):
     return (
         "haptic passivity says why"
         if quiet is None
-        else f"haptic demo --scene wall --view; walls up to {figure(quiet)} N/m stand still"
+        else f"haptic demo --scene wall --view; walls up to {plain(quiet, 'N/m')} stand still"
     )
 
 
@@ -146,7 +147,7 @@ def _show_live(found):
         table.add_row(escape(label), *(_number(found[side], keys) for side in ("live", "lockstep")))
     console().print(table)
     at_bound = _at_bound(found["at_95_percent_of_passive"])
-    print_sentence(f"passive up to {figure(found['passive'])} N/m{at_bound}")
+    print_sentence(f"passive up to {plain(found['passive'], 'N/m')}{at_bound}")
 
 
 def _at_bound(found):
@@ -159,7 +160,7 @@ def _at_bound(found):
 def _number(values, keys):
     for key in keys:
         values = values[key]
-    return "none" if values is None else figure(values)
+    return "none" if values is None else plain(values)
 
 
 def _show(found):
@@ -173,8 +174,8 @@ def _show(found):
     )
     for i in np.unique(np.linspace(0, len(found["damping"]) - 1, 9).astype(int)):
         row = (found["damping"][i], *(line[i] for line in lines.values()))
-        table.add_row(*("none" if value is None else figure(value) for value in row))
+        table.add_row(*("none" if value is None else plain(value) for value in row))
     console().print(table)
-    shares = ", ".join(f"{SHARES[name]} in {figure(100 * share)} %" for name, share in found["shares"].items())
+    shares = ", ".join(f"{SHARES[name]} in {plain(100 * share)} %" for name, share in found["shares"].items())
     print_sentence(f"{found['cells']} cells with operator {found['operator']}: {shares}")
     print(f"map     {found['csv']}\nfigure  {found['figure']}")

@@ -6,9 +6,10 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
+from haptic_device.digits import amount
 from haptic_device.status import number
 from haptic_sim.client import Client
-from haptic_sim.fault_sentence import FAULTS, fell, what_to_do
+from haptic_sim.fault_sentence import FAULTS, called, what_to_do
 from haptic_sim.supervision.news import News
 
 NODES, LOOPBACK, BRIDGE = ("haptic_driver", "haptic_simulation"), "haptic_loopback", "haptic_bridge"
@@ -74,9 +75,9 @@ class _Run:
                 return ""
             if (said := self._client.said("haptic_driver", "fault")) in FAULTS:
                 self.fault = said
+                self._tell(called(said))
                 self.rest(NUMBER)
                 number = self._client.said("haptic_driver", "fault_detail")
-                self._tell(fell(said, number))
                 return f": {what_to_do(said, number)}"
             if news and news.ended(printed):
                 return f", and {news.last_words()}"
@@ -102,12 +103,13 @@ class _Run:
 
 def _line(client: Client) -> str:
     insertion = number(client.said("haptic_simulation", "result.insertion_fraction"))
-    parts = [f"motor {client.motor_force:6.2f} N"] if client.truth else []
+    parts = [f"motor {client.motor_force:.2f} N"] if client.truth else []
     if withheld := client.said("haptic_driver", "withheld"):
         parts.append(f"force withheld for {client.said('haptic_driver', 'withheld_s')} s: {withheld}")
     if math.isfinite(insertion):
-        parts.append(f"insertion {100 * insertion:5.1f} %")
-    for label, name in (("missed ticks", "missed"), ("age [ms]", "age_ms_p50")):
-        if said := client.said("haptic_driver", name):
-            parts.append(f"{label} {said}")
-    return "   ".join(parts)
+        parts.append(f"inserted {100 * insertion:.0f} %")
+    if math.isfinite(age := 1e-3 * number(client.said("haptic_driver", "age_ms_p50"))):
+        parts.append(f"tool known {amount(age, 's')} ago")
+    if missed := client.said("haptic_driver", "missed"):
+        parts.append(f"servo ticks missed: {missed}")
+    return ", ".join(parts)

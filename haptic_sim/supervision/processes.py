@@ -137,7 +137,7 @@ class Nodes:
 
     def _how_it_ended(self, name, code):
         how = f"ended with exit code {code}" if code >= 0 else f"was ended by {_signal(-code)}"
-        errors = (line for line in self._last_lines(name) if _is_error(line, code < 0))
+        errors = (line.removeprefix(f"{name}: ") for line in self._last_lines(name) if _is_error(line, code < 0))
         return ": ".join((f"{name} {how}", *itertools.islice(errors, 1)))
 
     def _last_lines(self, name):

@@ -4,6 +4,7 @@
 import math
 
 from haptic_device.control.withheld import TABLE
+from haptic_device.digits import plain
 from haptic_sim.viewer.page_words import in_page_words
 from haptic_sim.viewer.settings import DRIVER, SIMULATION
 from haptic_sim.viewer.state import NOT_HELD, State
@@ -38,5 +39,5 @@ def _lead(state, frame):
     if apart < NEAR and turn < 1.0:
         return "Lead the handle out of the walls."
     way = "Drag the blue handle onto the orange tool" if state.axes else "Lead the handle to the tool"
-    angle = f" and {turn:.0f}°" if turn >= 1.0 else ""
-    return f"{way}: {1e3 * apart:.0f} mm{angle} to go."
+    angle = f" and {plain(turn, digits=2)}°" if turn >= 1.0 else ""
+    return f"{way}: {plain(1e3 * apart, 'mm', digits=2)}{angle} to go."

@@ -244,7 +244,7 @@ class Viewer:
         for note in self.server.notes:
             print(f"haptic_viewer: {note}", file=sys.stderr, flush=True)
         print(f"haptic_viewer: open {self.server.address(True)}", flush=True)
-        print(f"haptic_viewer: to look on only: {self.server.address(False)}", flush=True)
+        print(f"haptic_viewer: view-only: {self.server.address(False)}", flush=True)
         print(f"haptic_viewer: e-stop: {here}Esc on any page", flush=True)
 
 

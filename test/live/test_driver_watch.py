@@ -106,7 +106,7 @@ def test_gains_beyond_the_damping_are_refused_said_or_taken_as_the_policy_wants(
     driver.hardware, driver.device = NullDevice(), device(0.8)
     given = {name.replace(".", "__"): value for name, value in BEYOND.items()}
     sentence = gain_check.refusal(controller_config.settings_from(driver.device, values("haptic_driver", **given))[0])
-    assert sentence.startswith("wall.stiffness 7000 N/m ") and sentence.endswith(" at most 6000 N/m")
+    assert sentence.startswith("wall.stiffness 7000 N/m ") and sentence.endswith(" allowed under 6000 N/m")
     answer = driver.set_parameters_atomically(
         [Parameter(name, value=value) for name, value in {**BEYOND, "passivity.policy": policy}.items()]
     )

@@ -89,5 +89,5 @@ def test_a_fault_ends_a_demo_that_was_to_last_an_hour_and_its_cause_is_said(demo
     assert run.ended() == 1
     found, fell = json.loads(run.said), "Emergency stop (fault estop): a person or a program pressed stop"
     # whether the demo saw the motor between two looks, before it was stopped, is not said here
-    assert found["why"].endswith(f": {fell}. Press r and e in haptic status.")
+    assert found["why"].endswith(f": {fell}. Start again.")
     assert found["faults"] == ["estop"] and not found["done"] and found["seconds"] > 0.0

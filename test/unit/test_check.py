@@ -325,7 +325,9 @@ def most(sentence, words):
 def test_a_gain_too_stiff_is_told_what_it_may_be_on_time_and_as_late_as_this_machine(tmp_path):
     [alone] = problems(path := broken(tmp_path, stiff("50000.0")))
     [sentence] = problems(path, lambda driver: 2e-4)
-    assert sentence == f"{alone}, and {most(sentence, ' where'):g} N/m where forces act 0.2 ms late, as they do here"
+    assert (
+        sentence == f"{alone}, and under {most(sentence, ' where'):g} N/m where forces act 0.2 ms late, as they do here"
+    )
     on_time, late = most(alone, "$"), most(sentence, " where")
     assert late < on_time
     for stiffness, lateness in ((on_time, 0.0), (late, 2e-4)):

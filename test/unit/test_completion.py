@@ -45,6 +45,8 @@ def test_the_commands_are_offered_and_those_that_begin_so(completed):
         ("scenes --explain wal", {"wall"}),
         ("zwidth --device desk", {"desktop"}),
         ("device test desk", {"desktop"}),
+        ("compare bag ", set(names(""))),
+        ("compare bag demo mo", {name for name in names("") if name.startswith("mo")}),
         ("get ", set(NODES)),
         ("get haptic_driver servo.", {name for name in live("haptic_driver", False) if name.startswith("servo.")}),
         ("set haptic_driver ", live("haptic_driver")),

@@ -34,10 +34,10 @@ class Nodes:
 
 @pytest.fixture
 def ran(monkeypatch, tmp_path, capsys):
-    """ran(endings, params) runs a demo whose starts end so, as far as there are starts: whether it was done, its JSON
-    object, what it said, and the endings that are left."""
+    """ran(endings, params, as_json) runs a demo whose starts end so, as far as there are starts: whether it was done,
+    its JSON object or its table, what it said, and the endings that are left."""
 
-    def run(*endings, params="demo"):
+    def run(*endings, params="demo", as_json=True):
         left = list(endings)
         monkeypatch.setattr(demo, "Nodes", Nodes)
         monkeypatch.setattr(demo, "prepare", lambda programs: None)
@@ -45,9 +45,9 @@ def ran(monkeypatch, tmp_path, capsys):
         figures = {"exchange": {"sent": 1000, "answered": 1000}}
         monkeypatch.setattr(demo, "_evaluate", lambda order, started: figures)
         order = Order("free_space", None, tmp_path / "run", None, None, find("", params).absolute())
-        done = demo.run(order, 0.0, True)
+        done = demo.run(order, 0.0, as_json)
         said = capsys.readouterr()
-        return done, json.loads(said.out), said.err, left
+        return done, json.loads(said.out) if as_json else said.out, said.err, left
 
     return run
 
@@ -92,3 +92,11 @@ def test_a_fault_that_came_before_a_motor_command_was_seen_leaves_the_figures_th
 def test_a_demo_without_a_motor_command_has_no_figures_and_says_why(ran):
     _, found, _, _ = ran(Ending("no motor command came, and no news for 90 s: …", "", False, False))
     assert found["exchange"] is None and found["faults"] == [found["why"]]
+
+
+@pytest.mark.parametrize("as_json", [True, False])
+def test_why_a_job_was_not_done_is_said_once(ran, as_json):
+    why = "the motion did not end: the handle was too fast"
+    done, found, said, _ = ran(Ending(why, "velocity", True, True), as_json=as_json)
+    assert not done and f"{found}{said}".count(why) == 1 + as_json  # in the object, and for who reads along
+    assert (f"haptic demo: {why}\n" in said) == as_json

@@ -13,14 +13,14 @@ from haptic_device.control import enable_state, faults
 from haptic_device.nodes.fault_detail import KEPT, LatchedFault, number
 from haptic_device.status import Status
 from haptic_sim.cli.status import newest
-from haptic_sim.fault_sentence import FAULTS, PRESS, cause, fell, steps, what_to_do
+from haptic_sim.fault_sentence import FAULTS, PRESS, TYPE, cause, fell, steps, what_to_do
 
 TOLD = {
     "estop": "",
     "device_silent": r"no answer for 0\.0[0-9]+ s; the limit is 0\.02 s",
     "not_a_number": r"the force of the coupling along x was not a number",
     "encoder_jump": r"x moved by 0\.005 m in 0\.25 ms; the limit is 0\.0045 m",
-    "position": r"the handle was at x = -0\.002 m; the workspace ends at -0\.0019 m",
+    "position": r"the handle was at x = −0\.002 m; the workspace ends at −0\.0019 m",
     "velocity": r"[0-9.]+ m/s along x; the limit is 2 m/s",
     "saturation": r"2(\.0[0-9])? N wanted along x for 1 s; the limit is 1\.9 N",
     "device_watchdog": "",
@@ -28,7 +28,7 @@ TOLD = {
     "unattended": r"the limit is 5 s",
     "device_estop": "",
     "device_hot": "",
-    "device_limit": r"the handle was at x = -0\.002 m, y = 0 m, theta = 0 rad",
+    "device_limit": r"the handle was at x = −0\.002 m, y = 0 m, theta = 0 rad",
     "device_encoder": "",
 }
 
@@ -74,18 +74,19 @@ def test_a_handle_within_the_workspace_is_not_said_to_be_outside(place, said):
     device = runner.settings[0]["hardware"]
     device["position_low"], device["position_high"] = -0.12, 0.12
     row["fault"], row["counts"][0, 1] = faults.POSITION, round(place / device["position_per_count"][1])
-    end = "-0.12" if place < 0.0 else "0.12"
-    sentence = f"the handle was at y = {place:g} m; the workspace ends at {end} m"
+    end = "−0.12" if place < 0.0 else "0.12"
+    at = f"{place:g}".replace("-", "−")
+    sentence = f"the handle was at y = {at} m; the workspace ends at {end} m"
     assert number(row, runner.settings[0]) == (sentence if said else "")
 
 
-@pytest.mark.parametrize(("speed", "said"), [(0.601, True), (0.599, False), (-0.601, True)])
+@pytest.mark.parametrize(("speed", "said"), [(0.601, True), (0.60004, True), (0.599, False), (-0.601, True)])
 def test_a_speed_is_told_with_its_limit_only_beyond_it(speed, said):
     runner = pressing()
     row = np.concatenate(runner.rows).ravel()[-1:].copy()
     runner.settings["hardware"]["velocity_limit"] = 0.6
     row["fault"], row["velocity"] = faults.VELOCITY, (0.0, 0.0, speed)
-    sentence = "0.601 rad/s along theta; the limit is 0.6 rad/s"
+    sentence = f"{abs(speed):g} rad/s along theta; the limit is 0.6 rad/s"
     assert number(row, runner.settings[0]) == (sentence if said else "")
 
 
@@ -121,7 +122,7 @@ def test_haptic_status_tells_a_fault_in_its_words_and_what_else_a_node_says_as_i
         client = SimpleNamespace(statuses=said, heard={"haptic_driver": time.monotonic()}, node=node)
         return newest(client)["haptic_driver"]["message"]
 
-    assert shown(fault=name, fault_detail="1 m") == what_to_do(name, "1 m")
+    assert shown(fault=name, fault_detail="1 m") == what_to_do(name, "1 m", TYPE)
     assert shown(fault="") == shown(fault="of a newer driver") == shown() == "its own words"
 
 
@@ -131,5 +132,6 @@ def test_page_and_terminal_tell_the_same_cause_and_differ_in_what_to_press(name)
     assert fell(name, "1 m") == f"{fault.title} (fault {name}): {fault.cause}; 1 m"
     assert cause(name) == fault.cause and what_to_do(name).startswith(f"{fell(name)}. ")
     assert steps(name).lower().startswith(fault.first) and steps(name).lower().endswith(f"{PRESS.lower()}.")
-    assert what_to_do(name).lower().endswith("press r and e in haptic status.")
+    assert what_to_do(name, last=TYPE).lower().endswith("press r and e in haptic status.")
+    assert what_to_do(name).lower().endswith("start again.")  # the nodes are gone
     assert "~/" not in what_to_do(name)

@@ -9,7 +9,7 @@ from haptic_device.status import Status
 from haptic_sim import outcome
 from haptic_sim.cli.progress import status_line
 from haptic_sim.cli.tables import print_outcome
-from haptic_sim.fault_sentence import fell, what_to_do
+from haptic_sim.fault_sentence import called, what_to_do
 from haptic_sim.supervision import follow, news
 
 
@@ -94,12 +94,12 @@ def test_a_run_goes_on_for_a_moment_after_a_fault_so_that_the_recording_has_what
     assert ending.fault == "velocity" and took >= 5.0 + follow.AFTERWARDS
 
 
-def test_a_fault_is_told_when_it_latches_with_its_number_and_not_only_at_the_end(monkeypatch):
+def test_a_fault_is_told_when_it_latches_and_with_its_cause_and_number_at_the_end(monkeypatch):
     told = []
     latches = says("haptic_driver", "", 2, fault="velocity", fault_detail="")
     number = says("haptic_driver", "", 2, fault="velocity", fault_detail="0.83 m/s; the limit is 0.6 m/s")
     ending, _ = run(monkeypatch, (0.0, COMMANDED), (5.0, latches), (5.1, number), seconds=3600.0, tell=told.append)
-    assert told == [fell("velocity", "0.83 m/s; the limit is 0.6 m/s")]
+    assert told == [called("velocity")]
     assert what_to_do("velocity", "0.83 m/s; the limit is 0.6 m/s") in ending.why
     told.clear()
     assert not run(monkeypatch, (0.0, COMMANDED), seconds=1.0, tell=told.append)[0].why and told == []
@@ -194,4 +194,4 @@ def test_words_of_others_are_shown_as_they_are_on_a_terminal_and_in_the_table(mo
     found = outcome.nothing() | said | {"exchange": {"sent": 0}}
     print_outcome(found)
     said = capsys.readouterr()
-    assert "missed ticks [/x]" in said.err and "[/x] says [bold" in said.out and "[/x] [bold" in said.out
+    assert "servo ticks missed: [/x]" in said.err and "[/x] says [bold" in said.out and "[/x] [bold" in said.out

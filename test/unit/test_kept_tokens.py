@@ -140,7 +140,7 @@ def test_the_default_port_goes_on_to_the_next_that_is_free_with_links_for_this_t
 
 def test_view_with_new_link_makes_the_old_links_open_nothing(home, monkeypatch):
     before, _ = kept_tokens.kept()
-    monkeypatch.setattr("haptic_sim.viewer.viewer.main", lambda args: 0)
+    monkeypatch.setattr("haptic_sim.viewer.viewer.main", lambda args, stop: 0)
     assert haptic("view").returncode == 0 and kept_tokens.kept()[0] == before
     assert haptic("view", "--new-link").returncode == 0
     assert not set(kept_tokens.kept()[0]) & set(before)
@@ -148,6 +148,6 @@ def test_view_with_new_link_makes_the_old_links_open_nothing(home, monkeypatch):
 
 def test_old_links_that_cannot_be_removed_are_told_and_nothing_starts(home, monkeypatch):
     (home / "links").mkdir(parents=True)
-    monkeypatch.setattr("haptic_sim.viewer.viewer.main", lambda args: pytest.fail("it started"))
+    monkeypatch.setattr("haptic_sim.viewer.viewer.main", lambda args, stop: pytest.fail("it started"))
     done = haptic("view", "--new-link")
     assert done.returncode == 1 and done.stderr == f"haptic: {home / 'links'}: Is a directory\n"

@@ -39,14 +39,32 @@ def walls(stiffness, damping, *angles):
 def test_refusal_names_the_wall_its_need_what_the_device_has_and_the_largest_stiffness():
     assert gain_check.refusal(settings(**walls(12000.0, 0.05, 90.0))) == (
         "wall.stiffness 12000 N/m with damping 0.05 N s/m needs b > 1.55 N s/m at T = 0.25 ms; "
-        "the device has 0.8: at most 6000 N/m"
+        "the device has 0.8: allowed under 6000 N/m"
+    )
+
+
+def test_a_refusal_never_reads_as_if_the_gains_fitted():
+    beyond = gain_check.refusal(settings(**walls(6000.5, 0.05, 90.0)))
+    assert "needs b > 0.8001 N s/m" in beyond and beyond.endswith("the device has 0.8: allowed under 6000 N/m")
+    slow = {"servo__rate": 1000.0, "coupling__damping": 2.0}
+    assert gain_check.refusal(settings(3.0, **slow, coupling__stiffness=1999.0)) == ""
+    assert gain_check.refusal(settings(3.0, **slow, coupling__stiffness=2000.0)) == (
+        "coupling.stiffness 2000 N/m with coupling.damping 2 N s/m needs b > 3 N s/m at T = 1 ms; "
+        "the device has 3: allowed under 2000 N/m"
+    )
+
+
+@pytest.mark.parametrize(("damping", "allowed"), [(0.9, "at no stiffness"), (0.799072, "under 7.42 N/m")])
+def test_where_damping_leaves_little_the_allowed_stiffness_is_not_rounded_to_none(damping, allowed):
+    assert gain_check.refusal(settings(**walls(100.0, damping, 90.0))).endswith(
+        f"the device has 0.8: allowed {allowed}"
     )
 
 
 def test_a_wall_that_leans_by_rounding_towards_an_axis_that_is_not_there_is_refused_as_one_that_does_not():
     lean = values("haptic_driver", **walls(12000.0, 0.05, 180.0))  # sin 180° is 1.2e-16 here
     assert gain_check.refusal(controller_config.settings_from(device(0.8, axes=1), lean)[0]).endswith(
-        "the device has 0.8: at most 6000 N/m"
+        "the device has 0.8: allowed under 6000 N/m"
     )
 
 
@@ -90,7 +108,7 @@ def test_the_worst_direction_of_oblique_walls_counts():
 
 def test_scaling_changes_the_felt_stiffness_by_its_square():
     assert gain_check.refusal(settings(scale=(2.0, 1.0), **walls(1190.0, 0.05, 90.0))) == ""
-    assert "at most 1200" in gain_check.refusal(settings(scale=(2.0, 1.0), **walls(1210.0, 0.05, 90.0)))
+    assert "under 1200 " in gain_check.refusal(settings(scale=(2.0, 1.0), **walls(1210.0, 0.05, 90.0)))
 
 
 def test_of_several_walls_the_refusal_names_the_one_that_is_too_stiff():
@@ -162,7 +180,7 @@ def test_refusal_of_a_coupling_names_its_damping_as_set_and_the_cancellation_whe
 def test_late_cancellation_alone_is_refused_by_its_own_name_and_taken_at_what_the_sentence_allows():
     late = 0.1e-3  # of T = .25 ms: 0.9 b √1.4 > b
     refused = gain_check.refusal(settings(cancellation__ratio=0.9, **NO_COUPLING), late)
-    assert refused == ("cancellation.ratio 0.9 needs b > 0.8519 N s/m, 0.1 ms late; the device has 0.8: at most 0.845")
+    assert refused == ("cancellation.ratio 0.9 needs b > 0.852 N s/m, 0.1 ms late; the device has 0.8: at most 0.845")
     assert gain_check.refusal(settings(cancellation__ratio=0.845, **NO_COUPLING), late) == ""
     assert gain_check.refusal(settings(cancellation__ratio=0.847, **NO_COUPLING), late) != ""
 
@@ -212,7 +230,7 @@ def test_the_adaptive_window_is_charged_twice_its_damping_and_a_window_of_one_ti
     adaptive["wall__damping"] = (0.22,)
     assert gain_check.refusal(settings(**adaptive)) == (
         "wall.stiffness 3000 N/m with damping 0.22 N s/m (twice, for adaptive_window) needs b > 0.815 N s/m at "
-        "T = 0.25 ms; the device has 0.8: at most 2880 N/m"
+        "T = 0.25 ms; the device has 0.8: allowed under 2880 N/m"
     )
 
 
@@ -253,7 +271,7 @@ def test_the_most_that_a_refusal_names_is_taken_with_cancellation_before_it_howe
         given = walls(stiffness, 0.1, 0.0) | {"cancellation__ratio": 0.7, "cancellation__band": 0.02}
         return gain_check.refusal(settings(3.0, servo__rate=1000.0, **given), late)
 
-    most = float(re.search(r"the device has 3: at most (\d+) N/m", refused(90000.0))[1])
+    most = float(re.search(r"the device has 3: allowed under (\d+) N/m", refused(90000.0))[1])
     assert refused(0.999 * most) == "" and refused(1.01 * most)
 
 

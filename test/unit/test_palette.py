@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from haptic_device.analysis import palette
+from haptic_device.analysis.report import curves
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_sim import method_registry
 
@@ -32,6 +33,7 @@ APART = 15.0  # CIE 1976 colour difference; 2.3 is just noticeable side by side
 FAMILIES = {
     "methods": {name: look.colour for name, look in palette.METHODS.items()},
     "exchanges": {name: look.colour for name, look in palette.EXCHANGES.items()},
+    "runs": {number: look.colour for number, look in enumerate(palette.RUNS)},
     "plane": {
         name: getattr(palette, name.upper())
         for name in ("handle", "tool", "fixed", "moving", "coupling", "force", "contact", "target")
@@ -84,6 +86,7 @@ def test_a_green_and_a_brick_red_are_far_apart_and_one_to_a_deuteranope():
 def test_lines_differ_without_colour_too():
     for looks in (palette.METHODS | palette.PEERS, palette.EXCHANGES):
         assert len({look.mark for look in looks.values()}) == len(looks)
+    assert len({look.dashes for look in palette.RUNS}) == len(palette.RUNS)
     assert palette.PASS_MARK != palette.FAIL_MARK
     assert len(set(palette.HATCHES)) == len(palette.CELLS)
 
@@ -94,3 +97,15 @@ def test_the_plane_has_the_colours_of_the_page():
     sheet = (Path(haptic_sim.viewer.__file__).parent / "web" / "style.css").read_text(encoding="utf-8")
     light = dict(re.findall(r"--([a-z]+): (#[0-9a-f]{6})", sheet[sheet.index(":root {") : sheet.index("}")]))
     assert {name: light[name] for name in FAMILIES["plane"]} == FAMILIES["plane"]
+
+
+def test_no_picture_has_a_colour_that_is_not_of_the_palette():
+    folder, pages = Path(palette.__file__).parent, ("palette.py", "style.py")
+    pictures = [source for source in folder.rglob("*.py") if source.name not in pages]
+    with_colours = [each.name for each in pictures if re.search(r"#[0-9a-fA-F]{6}\b", each.read_text(encoding="utf-8"))]
+    assert len(pictures) > 20 and with_colours == []
+
+
+def test_the_curves_of_a_report_have_the_colours_of_the_palette():
+    colours = {value for value in vars(palette).values() if isinstance(value, str) and value.startswith("#")}
+    assert {*curves.COLOURS, *(look.colour for look in palette.RUNS)} <= colours

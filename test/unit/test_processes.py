@@ -117,6 +117,15 @@ def test_a_node_that_dies_is_named_with_its_last_error(tmp_path, program):
             nodes.check()
 
 
+def test_a_node_that_refuses_is_named_once(tmp_path, program):
+    refuses = "import sys\nprint('refusing_node: the gains are not passive', file=sys.stderr)\nsys.exit(1)\n"
+    with Nodes(tmp_path / "log") as nodes:
+        nodes.start(program("refusing_node", refuses))
+        until(nodes.ended, "the end of the node")
+        said = "refusing_node ended with exit code 1: the gains are not passive"
+        assert nodes.ended() == {"refusing_node": said}
+
+
 @pytest.mark.parametrize(
     ("printed", "said"),
     [
@@ -247,9 +256,7 @@ def test_behind_a_relay_one_answer_is_enough_and_none_is_said():
 def test_nothing_is_done_with_a_fault_whose_cause_and_next_step_are_said(entry):
     said = not_done(outcome(faults=[entry.name], result={"insertion_fraction": 1.0}))
     assert said.startswith(f"{entry.title} (fault {entry.name}): {entry.cause}. ")
-    assert said.lower().endswith(
-        f"{entry.first.lower()}{', then ' if entry.first else ''}press r and e in haptic status."
-    )
+    assert said.lower().endswith(f"{entry.first.lower()}{', then ' if entry.first else ''}start again.")
     unended = f"the motion did not end: {said}"
     assert not_done(outcome(faults=[entry.name]), unended) == unended
 

@@ -20,7 +20,7 @@ class Display:
     stays; axes: of the simulated hand."""
 
     def __init__(self, engages=1, stuck=False, axes=3, nodes=True, appears=True):
-        self.done, self.values, self.held_off = [], {SIMULATION: {"scene": "wall", "method": "auto", "other": 1}}, True
+        self.done, self.held_off = [], True
         self._engages, self._stuck, self._appears = engages, stuck, appears
         truth = SimpleNamespace(position=(0.13, 0.0, 0.0)[:axes])
         self.state = SimpleNamespace(statuses={DRIVER: 1, SIMULATION: 1}, axes=axes, truth=truth, said=self._said)
@@ -50,8 +50,8 @@ class Display:
         self.done.append("start of the scene")
         self._engages -= 1
 
-    async def _start_nodes(self, names, given):
-        self.done.append((tuple(names), given))
+    async def _start_nodes(self, names):
+        self.done.append(tuple(names))
         for name in names:
             self.state.statuses.pop(name, None)
         if self._appears:
@@ -97,11 +97,11 @@ def test_a_fault_whose_cause_stays_is_the_answer_and_nothing_is_enabled():
     assert "enable" not in display.done
 
 
-def test_a_simulation_is_started_again_with_the_scene_that_was_chosen_and_begins_it_again():
+def test_a_simulation_is_started_again_and_begins_its_scene_again():
     display = Display(engages=2)
     ended = Trouble("The simulation has ended", "…", "", "Start the simulation again", (SIMULATION,))
     assert display.mend(ended) == "engaged"
-    assert display.done[0] == ((SIMULATION,), {SIMULATION: {"scene": "wall", "method": "auto"}})
+    assert display.done[0] == (SIMULATION,)
     assert display.done[2:] == ["reset", "start of the scene", "enable"]
 
 

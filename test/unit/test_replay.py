@@ -303,6 +303,7 @@ def test_compare_prints_a_line_for_each_operating_point_and_leaves_a_report(bag,
     said = CliRunner().invoke(_application("compare"), words)
     assert said.exit_code == 0, said.output
     assert "1-soft" in said.output and "2-soft" in said.output and (tmp_path / "out/report/report.html").exists()
+    assert said.stderr.endswith(f"next: open {tmp_path / 'out/report/report.html'}\n")
 
 
 def test_a_bag_without_motion_is_refused_in_a_sentence(tmp_path):

@@ -28,11 +28,11 @@ from matplotlib.image import imread
 from mcap.reader import make_reader
 from stored_bags import change_metadata
 
+from haptic_device.analysis.palette import RUNS
 from haptic_device.analysis.report import curves, figures
 from haptic_device.analysis.report import page as pages
 from haptic_device.analysis.report.figures import FIGURES, draw_figure
 from haptic_device.analysis.report.page import write_report
-from haptic_device.analysis.report.panel import RUNS
 from haptic_device.analysis.report.reading import read_run
 from haptic_device.analysis.report.summary import contact_figures, energy_figures
 from haptic_device.analysis.report.table import sections
@@ -152,7 +152,7 @@ def test_a_run_keeps_its_look_in_figures_that_another_does_not_tell(bags, tmp_pa
     assert draw_figure(contacts, runs, tmp_path / "contacts.png") == ["Not shown of untouched: nothing was touched."]
     [axes] = drawn[0].axes
     pyplot.close(drawn[0])
-    assert to_hex(axes.patches[0].get_facecolor()).upper() == RUNS[1].colour
+    assert to_hex(axes.patches[0].get_facecolor()) == RUNS[1].colour
 
 
 @pytest.mark.parametrize("name", ["age", "spectrum", "lateness"])
@@ -438,6 +438,7 @@ def test_bags_that_cannot_be_shown_are_left_out_of_the_page_which_says_so(bags, 
     for sentence in ("arm is of no haptic display", "nowhere does not exist"):
         assert page.count(sentence) == said.count(sentence) == 1
     assert "<h1>Report: calm</h1>" in page and said.count("left out: ") == 2
+    assert said.endswith(f"next: open {tmp_path / 'report' / 'report.html'}\n")
 
 
 def test_where_no_bag_can_be_shown_nothing_is_written(tmp_path):

@@ -37,8 +37,8 @@ def test_a_run_without_anything_wrong_is_good_and_says_so(judged):
 @pytest.mark.parametrize(
     ("until", "level", "words"),
     [
-        (TICKS, BAD, "Ended by a fault: estop (~/estop was called)."),
-        (7000, WARN, "A fault came and was cleared: estop."),
+        (TICKS, BAD, "Ended by a fault: Emergency stop (a person or a program pressed stop)."),
+        (7000, WARN, "A fault came and was cleared: Emergency stop."),
     ],
 )
 def test_a_fault_at_the_end_ended_the_run_and_one_that_was_cleared_did_not(judged, until, level, words):

@@ -159,10 +159,11 @@ class Machine(Node):
     def recording(self, folder):
         """What was published on the trace and told in diagnostics, as a bag."""
         blocks = enumerate(self.said["trace"], 1)
-        left_out = {"trace_dropped": str(self.servo.ring.dropped), "telemetry_skipped": str(self.telemetry.skipped)}
-        told = "/diagnostics", DIAGNOSTICS, diagnostics("haptic_driver", left_out)
+        counted = {"trace_dropped": self.servo.ring.dropped, "telemetry_skipped": self.telemetry.skipped}
+        said = {name: "0" for name in counted}, {name: str(count) for name, count in counted.items()}
+        told = [("/diagnostics", DIAGNOSTICS, diagnostics("haptic_driver", each)) for each in said]
         trace = [("/haptic/trace", CLOUD, bytes(block), number, number) for number, block in blocks]
-        return load(write_bag(folder, *trace, told))
+        return load(write_bag(folder, *trace, *told))
 
 
 @pytest.fixture(params=[FREE], ids=["free"])

@@ -146,7 +146,7 @@ def test_a_page_that_looks_on_only_opens_report_and_replay_which_say_that_they_a
 
     first, pages = served(news, visit)
     assert first[0] == 200 and "Making the replay" in first[2]
-    for (status, headers, text), title in zip(pages, ("Replay: swing", "Haptic display"), strict=True):
+    for (status, headers, text), title in zip(pages, ("Replay: swing", "Report: swing"), strict=True):
         assert status == 200 and title in text
         policy = headers["Content-Security-Policy"]
         assert policy.startswith("sandbox allow-scripts; default-src 'none'"), "its scripts reach no page of the viewer"

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a report draws of a run as curves: over time, or over another scale. What the run lacks is a ValueError.
 
-Colours are Okabe and Ito's, and every pair of lines differs by its dashes too, so that it can be read in grey. A long
-line is drawn as the envelope of its ticks: no peak is lost.
+Every pair of lines differs by its dashes too, so that it can be read in grey. A long line is drawn as the envelope of
+its ticks: no peak is lost.
 """
 
 from typing import NamedTuple
@@ -10,18 +10,15 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from haptic_device.analysis.palette import BLUE, DASHED, DOTTED, GREEN, ORANGE, PURPLE, SOLID, VERMILION, Dashes
 from haptic_device.analysis.quantity import Array
 from haptic_device.analysis.report.run import Run
 from haptic_device.analysis.report.summary import period
+from haptic_device.digits import amount, plain
 
 Values = npt.NDArray[np.floating]
-Dashes = tuple[float, ...]
 
-BLUE, ORANGE, GREEN, VERMILION, PURPLE = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7"
 COLOURS, NAMES = (BLUE, VERMILION, GREEN), ("x", "y", "θ")
-SOLID: Dashes = ()
-DASHED: Dashes = (4, 2)
-DOTTED: Dashes = (1, 1)
 POINTS = 2000  # of one line; more than a page resolves
 _DASHES = {"handle": SOLID, "tool": DASHED, "on handle": SOLID, "of the coupling": DASHED}
 _EDGES = 80  # of a histogram
@@ -126,7 +123,7 @@ def ages(run: Run) -> list[Curve]:
 def median_age(run: Run) -> list[tuple[float, str]]:
     """The median age of the tool sample in use [ms], and its name."""
     middle = float(np.median(_age(run)))
-    return [(middle, f"median {middle:.2f} ms")]
+    return [(middle, f"median {plain(middle, 'ms')}")]
 
 
 def spectrum(run: Run) -> list[Curve]:
@@ -138,7 +135,7 @@ def spectrum(run: Run) -> list[Curve]:
 def oscillation(run: Run) -> list[tuple[float, str]]:
     """Frequency [Hz] of an oscillation, and its name with its force."""
     line = run.spectrum.oscillation
-    return [(line.frequency, f"{line.frequency:.1f} Hz, {line.force:.3g} N RMS")] if line else []
+    return [(line.frequency, f"{plain(line.frequency, 'Hz')}, {amount(line.force, 'N')} RMS")] if line else []
 
 
 def thin(x: Values, y: Values) -> tuple[Values, Values]:

@@ -16,9 +16,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Shown
 
+from haptic_device.analysis.palette import DOTTED, RUNS, SOLID, Dashes, Look
 from haptic_device.analysis.report import curves, panel
 from haptic_device.analysis.report.curves import Curve
-from haptic_device.analysis.report.panel import GRID, RUNS, Look
+from haptic_device.analysis.report.panel import GRID
 from haptic_device.analysis.report.run import Run
 from haptic_device.os_errors import naming
 
@@ -247,7 +248,7 @@ def _fill(axes: Axes, figure: Figure, run: Run) -> None:
         _mark(axes, run)
         axes.set_xlim(0.0, run.length or None)
     for place, name in figure.lines(run) if figure.lines else ():
-        axes.axvline(place, color="black", dashes=curves.DOTTED, label=name)
+        axes.axvline(place, color="black", linestyle=DOTTED, label=name)
     _finish(axes, figure)
     axes.set(xlabel=_horizontal(figure, run), ylabel=figure.vertical)
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, fontsize=8, frameon=False, borderaxespad=0.1)
@@ -265,7 +266,7 @@ def _draw_over(figure: Figure, runs: Sequence[Run], looks: Sequence[Look]) -> Sh
     for run, one, look in zip(runs, told, looks, strict=True):
         for name, axes in zip(names, grid.flat, strict=False):
             if name in one:
-                _plot(axes, one[name], *look, run.name)
+                _plot(axes, one[name], look.colour, look.dashes, run.name)
     for name, axes in zip(names, grid.flat, strict=False):
         axes.set_title(name, fontsize=9, loc="left")
         _finish(axes, figure)
@@ -282,8 +283,9 @@ def _draw_over(figure: Figure, runs: Sequence[Run], looks: Sequence[Look]) -> Sh
     return shown
 
 
-def _plot(axes: Axes, curve: Curve, colour: str, dashes: curves.Dashes, label: str) -> None:
-    look: dict[str, Any] = {"color": colour, "dashes": dashes, "label": label, "linewidth": 1.2 if dashes else 1.8}
+def _plot(axes: Axes, curve: Curve, colour: str, dashes: Dashes, label: str) -> None:
+    width = 1.8 if dashes == SOLID else 1.2
+    look: dict[str, Any] = {"color": colour, "dashes": dashes[1], "label": label, "linewidth": width}
     if curve.steps:
         axes.plot(curve.x, curve.y, drawstyle="steps-post", **look)
     elif len(curve.x):

@@ -9,8 +9,8 @@ import html
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from haptic_device.analysis.palette import RUNS
 from haptic_device.analysis.report.figures import FIGURES, Figure, Special, draw_figure
-from haptic_device.analysis.report.panel import RUNS
 from haptic_device.analysis.report.run import Run
 from haptic_device.analysis.report.style import STYLE
 from haptic_device.analysis.report.table import MISSING, sections
@@ -78,7 +78,7 @@ def _what_ran(run: Run) -> list[str]:
 
 def _swatch(number: int) -> str:
     look = RUNS[number]
-    dashes = " ".join(map(str, look.dashes)) or "none"
+    dashes = " ".join(map(str, look.dashes[1])) or "none"
     line = f'<line x1="2" y1="7" x2="42" y2="7" stroke="{look.colour}" stroke-width="3" stroke-dasharray="{dashes}"/>'
     return f'<svg width="44" height="14" aria-hidden="true">{line}</svg>'
 

@@ -5,47 +5,18 @@ Each draws runs, which have a look each, into the axes that its figure makes for
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from haptic_device.analysis.impedance import Impedance
-from haptic_device.analysis.report.curves import (
-    BLUE,
-    DASHED,
-    DOTTED,
-    GREEN,
-    ORANGE,
-    POINTS,
-    PURPLE,
-    SOLID,
-    VERMILION,
-    Dashes,
-    Values,
-)
+from haptic_device.analysis.palette import BLACK, DASHED, DOTTED, HANDLE, SOLID, TOOL, Look
+from haptic_device.analysis.report.curves import POINTS, Values
 from haptic_device.analysis.report.run import Run
 from haptic_device.analysis.report.summary import gains
 
 GRID = "0.9"
 _NARROW = 0.35  # least width of a path's box by its height, and height by its width
-
-
-class Look(NamedTuple):
-    """Colour and dashes of one run beside others."""
-
-    colour: str
-    dashes: Dashes
-
-
-RUNS = (
-    Look(BLUE, SOLID),
-    Look(VERMILION, (6, 2)),
-    Look(GREEN, (2, 1)),
-    Look(PURPLE, (6, 2, 1, 2)),
-    Look("#000000", DOTTED),
-    Look(ORANGE, (10, 2)),
-)
 
 
 def check_path(run: Run) -> None:
@@ -59,8 +30,8 @@ def path(grid: Sequence[Axes], runs: Sequence[Run], looks: Sequence[Look]) -> No
         across, up = run.places(0), run.places(1)
         for what, (time, x) in across.items():
             some = slice(None, None, max(1, len(time) // (10 * POINTS)))
-            look = (BLUE, SOLID) if what == "handle" else (ORANGE, DASHED)
-            axes.plot(x[some] * 1e3, up[what][1][some] * 1e3, color=look[0], dashes=look[1], linewidth=1, label=what)
+            look = (HANDLE, SOLID) if what == "handle" else (TOOL, DASHED)
+            axes.plot(x[some] * 1e3, up[what][1][some] * 1e3, color=look[0], linestyle=look[1], linewidth=1, label=what)
         axes.set_aspect("equal", adjustable="box")
         axes.set_xlabel("x [mm]")
         axes.set_axisbelow(True)
@@ -145,8 +116,8 @@ def impedance(grid: Sequence[Axes], runs: Sequence[Run], looks: Sequence[Look]) 
                     label=label,
                 )
         for axes, value in zip(grid, _set_gains(run), strict=False):
-            look = looks[number] if len(runs) > 1 else Look("black", DOTTED)
-            axes.axvline(value, color=look.colour, dashes=DOTTED, linewidth=1.2)
+            look = looks[number] if len(runs) > 1 else Look(BLACK, "", DOTTED)
+            axes.axvline(value, color=look.colour, linestyle=DOTTED, linewidth=1.2)
     for axes, label in zip(grid, ("stiffness [N/m]", "damping added [N s/m]"), strict=True):
         axes.set(xlabel=label, yticks=range(len(told)), ylim=(len(told) - 0.4, -0.6))
         axes.set_yticklabels([f"{kind}, {axis}" for kind, axis in told])

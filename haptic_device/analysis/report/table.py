@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from haptic_device import digits
 from haptic_device.analysis.impedance import Estimate
-from haptic_device.analysis.report import digits, summary
+from haptic_device.analysis.report import summary
 from haptic_device.analysis.report.run import Run
 from haptic_device.control.faults import name_of
 from haptic_device.control.withheld import TABLE

@@ -7,14 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from haptic_device.analysis.report import summary
-from haptic_device.analysis.report.digits import amount, plain
 from haptic_device.analysis.report.run import Run
 from haptic_device.control.faults import TABLE, name_of
+from haptic_device.digits import amount, plain
 
 LATE = 0.01  # share of ticks missed, or of samples late or unanswered, that is worth a warning
 NOTHING = 1e-6  # [J] of energy that nobody feels
 GOOD, WARN, BAD = "good", "warn", "bad"
-_CAUSES = {fault.name: fault.cause for fault in TABLE}
+_FAULTS = {fault.name: fault for fault in TABLE}
 Findings = Iterator[tuple[str, str]]
 """(level, sentence) each."""
 
@@ -51,14 +51,19 @@ def _faults(run: Run) -> Findings:
         codes = run.recording.trace["fault"]
         found, last = summary.faults(run.recording), name_of(int(np.nan_to_num(codes[-1])))
         known = bool(np.isfinite(codes).any())
-    if last in _CAUSES:
-        yield BAD, f"Ended by a fault: {last} ({_CAUSES[last]})"
+    if last in _FAULTS:
+        yield BAD, f"Ended by a fault: {_title(last)} ({_FAULTS[last].cause})"
     elif found:
-        yield WARN, f"A fault came and was cleared: {', '.join(found)}"
+        yield WARN, f"A fault came and was cleared: {', '.join(map(_title, found))}"
     elif known:
         yield GOOD, "No fault"
     else:
         yield WARN, "Not known whether there was a fault"
+
+
+def _title(name: str) -> str:
+    """Of a fault, for people; its name where it is of a newer driver."""
+    return _FAULTS[name].title if name in _FAULTS else name
 
 
 def _job(run: Run) -> Findings:

@@ -39,7 +39,7 @@ const WORDS = [
   ["#nodes", "Nodes", "The running programs and what each says. ● well, ▲ warning, ■ error.", EXPERT],
   ["#offers", "Exchange", "How handle and tool talk to each other, and a delay to try out. A change starts the programs again.", EXPERT],
   ["#tone", "Tone", "A sound that grows with the force.", EXPERT],
-  ["#looking", "Link to look on", "Whoever opens it sees all this and moves nothing.", EXPERT],
+  ["#looking", "View-only link", "Whoever opens it sees all this and moves nothing.", EXPERT],
   ["#rates", "Pictures per second", "How many come and are drawn, and how busy the viewer is.", EXPERT],
   ["#words .fold", "What is what", "All these explanations in one list."],
 ];

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How numbers are written in a report."""
+"""How numbers are written for people: in reports, tables and sentences."""
 
 import math
 
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_device.analysis.report.digits import UNKNOWN, amount, plain, with_error
+from haptic_device.digits import UNKNOWN, amount, apart, plain, with_error
 
 NUMBERS = st.floats(-1e9, 1e9)
 
@@ -25,6 +25,7 @@ NUMBERS = st.floats(-1e9, 1e9)
         (1.5, 0.0, "1.5 ± 0 N/m"),
         (1.5, math.nan, "1.5 ± — N/m"),
         (math.nan, 1.0, "— ± 1 N/m"),
+        (1.6234, None, "1.62 N/m"),
     ],
 )
 def test_a_value_has_no_digit_beyond_its_error(value, error, told):
@@ -57,6 +58,50 @@ def test_an_amount_has_the_prefix_that_suits_it(value, told):
 )
 def test_a_plain_number_has_up_to_three_digits(value, told):
     assert plain(value) == told
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "told"),
+    [
+        (0.05, "N s/m", "0.05 N s/m"),
+        (5162.4, "N/m", "5162 N/m"),
+        (1e-9, "rad", "0.000000001 rad"),
+        (0.99e-9, "rad", "0 rad"),
+        (12345.6, "J", "12346 J"),
+        (1234567, "", "1234567"),
+        (0, "", "0"),
+        (math.inf, "N s/m", UNKNOWN),
+        (0.0123456, "m/s", "12.3 mm/s"),
+    ],
+)
+def test_only_some_units_have_a_prefix_and_a_count_is_as_it_is(value, unit, told):
+    assert amount(value, unit) == told
+
+
+@pytest.mark.parametrize(("digits", "told"), [(2, "10"), (3, "10"), (4, "9.996"), (5, "9.9961"), (6, "9.99608")])
+def test_a_plain_number_has_as_many_digits_as_are_asked_for(digits, told):
+    assert plain(9.99608, digits=digits) == told
+
+
+@pytest.mark.parametrize(
+    ("value", "limit", "told"),
+    [
+        (3.2, 3.0, ("3.2", "3")),
+        (3.0004, 3.0, ("3.0004", "3")),
+        (3.0, 3.0, ("3", "3")),
+        (0.1 + 0.2, 0.3, ("0.3", "0.3")),
+        (-0.12001, -0.12, ("−0.12001", "−0.12")),
+        (math.inf, 1.0, (UNKNOWN, "1")),
+    ],
+)
+def test_what_is_beyond_a_limit_is_told_with_enough_digits_to_see_that(value, limit, told):
+    assert apart(value, limit) == told
+
+
+@given(st.floats(1e-6, 1e6), st.floats(1e-9, 1e3))
+def test_two_numbers_told_apart_are_in_their_order(value, beyond):
+    more, less = map(float, apart(value * (1.0 + beyond), value))
+    assert more > less
 
 
 @given(NUMBERS, st.floats(1e-6, 1e6))
