@@ -337,39 +337,26 @@ def gain(tab, name, value):
     assert number.input_value() == value
 
 
-def exchange(tab, method):
-    """Starts the nodes again with another exchange method."""
-    tab.page.select_option("#offer_exchange_method", method)
-    tab.until_text("restart_answer", f"{method}; the nodes have been started again")
+def delay(tab, milliseconds):
+    """Starts the nodes again with this delay for study."""
+    number = tab.page.locator("#offer_delay + input")
+    number.fill(str(milliseconds))
+    number.press("Enter")
+    tab.until_text("restart_answer", f"delay is {milliseconds}; the nodes have been started again")
     tab.until_text("state", "^engaged$")
-    assert method in tab.text("figures")
 
 
-def test_nodes_that_start_again_are_found_again_and_lose_nothing(tab, listener):
-    exchange(tab, "wave")
+def test_nodes_that_start_again_with_a_delay_are_found_again_and_lose_nothing(tab):
     tab.choose("scene_name", "wrench_on_nut", "scene is wrench_on_nut")
     gain(tab, "coupling_stiffness", "900")
-    exchange(tab, "pspm")
+    delay(tab, 25)
+    tab.until("Number(/age p50 . p99([0-9.]+)/.exec(document.getElementById('figures').textContent)?.[1]) > 15")
     tab.until("document.getElementById('result_turned')")
     assert tab.page.input_value("#scene_name") == "wrench_on_nut"
     assert tab.page.input_value("#tuned_coupling_stiffness + input") == "900"
+    delay(tab, 0)
     gain(tab, "coupling_stiffness", "1200")
     tab.choose("scene_name", "peg_in_hole", "scene is peg_in_hole")
-
-
-def test_a_delay_for_study_is_a_slider_in_ms_that_starts_the_nodes_again_once(tab):
-    slider = tab.page.locator("#offer_delay")
-    assert "delay [ms] (0 to 200)" in tab.page.text_content("label[for=offer_delay]")
-    slider.focus()
-    for _ in range(500):
-        tab.page.keyboard.press("ArrowRight")
-    tab.until_text("restart_answer", "delay is 25; the nodes have been started again")
-    tab.until_text("state", "^engaged$")
-    tab.until("Number(/age p50 . p99([0-9.]+)/.exec(document.getElementById('figures').textContent)?.[1]) > 15")
-    tab.page.locator("#offer_delay + input").fill("0")
-    tab.page.keyboard.press("Enter")
-    tab.until_text("restart_answer", "delay is 0; the nodes have been started again")
-    tab.until_text("state", "^engaged$")
 
 
 def test_the_operating_point_is_saved_as_a_file_that_the_check_takes(tab, tmp_path):

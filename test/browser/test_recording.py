@@ -242,7 +242,7 @@ def test_a_run_is_recorded_marked_saved_and_its_report_and_replay_open(system, t
         tab.page.click("#saved_links a >> text=Replay")
     replay = popup.value
     replay.wait_for_selector("#marks button", timeout=1e3 * PATIENCE)
-    assert "peg_in_hole" in replay.title() and "here" in replay.text_content("#marks")
+    assert bag.name in replay.text_content("#about") and "here" in replay.text_content("#marks")
     replay.click("#play")
     waiting.until(lambda: float(replay.input_value("#time")) > 0.1, "the replay plays", limit=PATIENCE)
     answer = tab.page.request.get(f"{system.looking}recordings/report.html?bag={bag.name}")

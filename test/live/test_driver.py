@@ -153,8 +153,8 @@ def test_softer_gains_are_taken_while_it_runs_and_told_to_the_simulation(display
 @pytest.mark.parametrize(
     ("name", "value", "words"),
     [
-        ("wall.stiffness", [90000.0], ["wall.stiffness 90000 N/m", "needs b >", "the device has 3", "at most"]),
-        ("wall.stiffness", [1.0, 2.0], ["wall.stiffness has 2 numbers; 1 walls need 1"]),
+        ("wall.stiffness", [90000.0], ["wall.stiffness 90000 N/m", "needs b >", "the device has 3", "allowed under"]),
+        ("wall.stiffness", [1.0, 2.0], ["wall.stiffness has 2 numbers; 1 walls (wall.offsets) need 1"]),
         ("servo.rate", 1000.0, ["read-only"]),
     ],
 )

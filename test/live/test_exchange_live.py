@@ -212,7 +212,7 @@ def test_stamps_of_the_past_and_future_from_the_driver_that_is_accepted_make_the
         count = next(number)
         return handle(float(count), 99.0, 3, (0.1, 0.1, 0.0), 10**18 * (1 + count % 2), 0.0)
 
-    said = "handle samples over 20 ms apart, or going back"
+    said = "handle data was late, over 20 ms apart, or out of order"
     level, values = send_until_said(ear, publisher, forged, "haptic_simulation", said)
     assert level == WARN and int(values["rejoined"]) > 0 and int(values["sub_steps"]) == 0
     ear.until(lambda: tools, "an answer")

@@ -89,7 +89,7 @@ def test_told_to_end_the_node_says_how_things_then_stand(world, nodes, peer):
 
 
 BAD = [
-    ({"scene": "nowhere"}, ["nowhere", "peg_in_hole"]),
+    ({"scene": "nowhere"}, ["nowhere is neither a file nor a name in config/scenes", " more"]),
     ({"sub_step": 1.0}, ["sub_step", "1.0 s", "at most"]),
 ]
 
