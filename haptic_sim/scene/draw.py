@@ -47,6 +47,7 @@ ROUND = Path([*np.column_stack([np.cos(_ARC), np.sin(_ARC)]), (-1.35, 0.35), (-1
 STRAIGHT = Path([(-1.0, 0.0), (1.0, 0.0), (0.6, 0.3), (1.0, 0.0), (0.6, -0.3)])
 """An arrow along x."""
 GOAL = Path([(-1.0, 0.6), (0.0, 0.0), (-1.0, -0.6), (0.0, 0.0), (0.0, 1.0), (0.0, -1.0)], [1, 2, 2, 1, 2, 2])
+ARC = 25  # points of an arc that shows an angle
 """The end of an arrow along x, at a bar."""
 FLIGHT = Path([(0.0, 0.5), (2.0, 0.5), (1.6, 0.7), (2.0, 0.5), (1.6, 0.3)])
 """An arrow along x, beside its beginning."""
@@ -172,11 +173,11 @@ def _draw_goals(axes: Axes, scene: Scene) -> None:
     """What is measured: the way of its point from 0 to 1, as it is at the start."""
     for measure in scene.measure.values():
         ends = 1e3 * _goal(scene, measure)
-        angle = math.atan2(*reversed((ends[1] - ends[0]).tolist()))
+        angle = math.atan2(*reversed((ends[-1] - ends[-2]).tolist()))
         axes.plot(*ends.T, "-", color=TARGET, linewidth=1.4, zorder=8)
         axes.plot(*ends[0], ".", color=TARGET, markersize=5, zorder=8)
         at_end: dict[str, Any] = {"marker": _rotated(GOAL, angle), "markersize": 12, "linestyle": ""}
-        axes.plot(*ends[1], color=TARGET, markerfacecolor="none", markeredgewidth=1.6, zorder=8, **at_end)
+        axes.plot(*ends[-1], color=TARGET, markerfacecolor="none", markeredgewidth=1.6, zorder=8, **at_end)
     if scene.measure:
         names = ", ".join(name.replace("_", " ") for name in scene.measure)
         mark: dict[str, Any] = {"marker": GOAL, "markersize": 9, "markerfacecolor": "none", "markeredgewidth": 1.6}
@@ -184,8 +185,15 @@ def _draw_goals(axes: Axes, scene: Scene) -> None:
 
 
 def _goal(scene: Scene, measure: Measure) -> np.ndarray:
-    """Where the measured point is at 0 and at 1 if it goes along the axis alone [m]."""
-    at, axis = np.array(turned(measure.point, scene.solids[measure.body].pose)), np.array(measure.axis)
+    """The measured point from 0 to 1 if it goes along the axis alone [m]; of an angle an arc round the body."""
+    solid = scene.solids[measure.body]
+    if measure.axis is None:
+        radius = 1.1 * max(
+            math.hypot(*vertex) + outline.radius for outline in solid.outlines for vertex in outline.vertices
+        )
+        turn = np.linspace(measure.start, measure.end, ARC)
+        return np.array(solid.pose[:2]) + radius * np.array([np.cos(turn), np.sin(turn)]).T
+    at, axis = np.array(turned(measure.point, solid.pose)), np.array(measure.axis)
     axis /= np.linalg.norm(axis)
     return np.array([at + (end - at @ axis) * axis for end in (measure.start, measure.end)])
 

@@ -100,7 +100,8 @@ class TroubleFinder:
             return None
         told = f"{fell(name, number)}. {steps(name, f'{PRESS} on the page')}"
         why = f"{_capital(cause(name, number))}."
-        return Trouble(FAULTS[name].title, why, steps(name), "Reset and engage", fault=name, told=told)
+        first = FAULTS[name].first and f"{_capital(FAULTS[name].first)}."  # what to press then is written on the button
+        return Trouble(FAULTS[name].title, why, first, "Reset and engage", fault=name, told=told)
 
 
 def _capital(sentence):

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from haptic_device.config_files import names
 from haptic_sim.scene.drawing import drawing_of
+from haptic_sim.scene.geometry import turned
 from haptic_sim.scene.language import load, parse
 from haptic_sim.scene.motion import MOST_TURNS, flat_motion, way_of
 from haptic_sim.viewer.tasks import tasks
@@ -95,3 +96,11 @@ def test_tasks_are_offered_in_the_order_in_which_one_leads_to_the_next():
     assert set(offered) == {name for name in names("scenes") if load(name).task}
     assert all(load(name).task.next == following for name, following in zip(offered, offered[1:], strict=False))
     assert [task["title"] for task in tasks()] == [load(name).task.title for name in offered]
+
+
+@pytest.mark.parametrize(("name", "place"), [("peg_in_hole", "insertion_fraction"), ("drive_nail", "driven")])
+def test_the_outline_at_the_end_of_the_way_lies_on_what_stops_the_tool(name, place):
+    scene = load(name)
+    end = drawing_of(scene).way[-1]
+    face = min(turned(vertex, end)[1] for outline in scene.tool.outlines for vertex in outline.vertices)
+    assert face == pytest.approx(-scene.measure[place].end, abs=1e-3)

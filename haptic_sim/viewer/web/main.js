@@ -27,6 +27,7 @@ import { Walls } from "./walls.js";
 
 const byId = (id) => document.getElementById(id);
 const HINT = 3000; // ms that a hint stays
+const BY_TOUCH = "Drag: lead the hand until you let go. Hold: it stays. Two fingers: move the view and zoom.";
 const ALL_FELT = { words: "", todo: "" };
 const NO_GUIDE = { state: "off", share: 0, slow: false };
 
@@ -67,6 +68,7 @@ layered(byId("layer"));
 forgetWhenEdited();
 entitled(byId("state"));
 foldable(document.querySelector("aside"));
+if (matchMedia("(hover: none)").matches) byId("keys").textContent = BY_TOUCH;
 explain(byId("explained"), byId("about"), byId("keys"));
 dress(byId("theme"), () => [view, ...strips].forEach((part) => part.recolour()));
 turning(byId("turn_left"), hand, 1);
