@@ -16,7 +16,7 @@ from haptic_sim import verify
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.explain import explain
 from haptic_sim.reduction.measured import KEPT, Measured, of_scene, read, write
-from haptic_sim.scene.draw import DRIVEN, SPRUNG, draw, handle_way
+from haptic_sim.scene.draw import ARC, DRIVEN, SPRUNG, draw, handle_way
 from haptic_sim.scene.language import load, parse
 
 LIBRARY = "wall corner peg_in_hole wrench_on_nut push_block slider four_bar pendulum stack hammer_nail ratchet"
@@ -159,6 +159,14 @@ def test_what_is_measured_is_a_line_from_where_it_is_0_to_where_it_is_1():
     assert [measure.fraction(end) for end in ends] == pytest.approx([0.0, 1.0])
     assert "measured: pushed" in axes.get_legend_handles_labels()[1]
     assert TARGET not in [line.get_color() for line in drawn("push_block", measure={}).lines]
+
+
+def test_a_measured_angle_is_an_arc_round_its_body_that_turns_by_it():
+    [arc] = (line for line in drawn("wrench_on_nut").lines if len(line.get_xdata()) == ARC)
+    x, y = arc.get_data()
+    assert np.ptp(np.hypot(x, y)) < 1e-9, "the nut is at the origin"
+    turn = np.unwrap(np.arctan2(y, x))
+    assert turn[-1] - turn[0] == pytest.approx(math.radians(120.0), abs=1e-3)
 
 
 @pytest.mark.parametrize("gravity", [(0.0, -9.81), (4.905, -8.4957), (-1.0, 0.0)])
