@@ -9,13 +9,13 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from haptic_device import yaml_reader
 from haptic_device.config_files import ConfigError, find
 from haptic_device.link_registry import Link
+from haptic_device.message_fields import AXES
 from haptic_device.refusal import Part, Unit, sentences
 
 Positive = Annotated[float, Field(gt=0.0, le=1e9, allow_inf_nan=False, strict=True)]
 NotNegative = Annotated[float, Field(ge=0.0, le=1e9, allow_inf_nan=False, strict=True)]
 Number = Annotated[float, Field(ge=-1e9, le=1e9, allow_inf_nan=False, strict=True)]
 Sign = Literal[1, -1]
-AXES = ("x", "y", "theta")
 SUB_STEP = 50_000  # [ns] longest step of the simulated device's exact motion
 MOST_STIFF = 1.0 / (SUB_STEP * 1e-9)  # [1/s] damping over mass up to which the plant's series converges fast
 

@@ -10,11 +10,10 @@ from haptic_sim.supervision.domain import isolated_domain
 from haptic_sim.supervision.prepare import prepare
 from haptic_sim.supervision.processes import NAMESPACE, Nodes, ros_arguments, undisturbed
 from haptic_sim.supervision.system import Order, Relay, programs_of
+from haptic_sim.viewer.settings import DRIVER, RECORDER, SIMULATION
 
-RECORDER = "haptic_recorder"
 HAND = {"haptic_loopback": {"motion.name": "follow"}, RECORDER: {"bag": "", "autostart": False}}
 NETWORK = {"delay": 200.0, "jitter": 200.0}  # most that may be asked for [ms]: beyond it nothing more is felt
-DRIVER, SIMULATION = "haptic_driver", "haptic_simulation"
 
 
 class NodeManager:
@@ -55,10 +54,11 @@ class NodeManager:
         method = {"value": self._order.exchange or Exchange.model_fields["method"].default, "choices": EXCHANGE_METHODS}
         return {"exchange.method": method, **times, "loss": loss}
 
-    async def change(self, name: str, value) -> str:
-        """Starts the nodes again with this changed, all else kept; the recorder goes on. ValueError if it cannot be."""
+    async def change(self, name: str, value, enable: bool) -> str:
+        """Starts the nodes again with this changed, all else kept; the recorder goes on. ValueError if it cannot be.
+        enable: whether the driver enables itself then."""
         async with self._changing:
-            order = self._changed(name, value)
+            order = _enabling(self._changed(name, value), enable)
             programs = [program for program in programs_of(order) if program.name != RECORDER]
             await asyncio.to_thread(self._nodes.end_all_but, RECORDER)
             for program in programs:  # not in that thread: a child goes with the thread that started it
@@ -76,11 +76,12 @@ class NodeManager:
         return self._nodes.ended()
 
     async def start_again(self, names: Collection[str]) -> None:
-        """Starts these nodes again. One that still runs is killed first, for it was silent."""
+        """Starts these nodes again; a driver does not enable itself. One that still runs is killed first, for it was
+        silent."""
         async with self._changing:
             for name in names:
-                self._nodes.kill(name)
-            for program in programs_of(self._order):
+                await asyncio.to_thread(self._nodes.kill, name)
+            for program in programs_of(_enabling(self._order, False)):
                 if program.name in names:
                     self._nodes.start(program)
 
@@ -98,6 +99,11 @@ class NodeManager:
         now = {known: offered[known]["value"] for known in (*NETWORK, "loss")} | {name: float(value)}
         relay = Relay(now["delay"] * 1e-3, now["jitter"] * 1e-3, now["loss"])
         return self._order._replace(relay=relay if any(relay) else None)
+
+
+def _enabling(order: Order, enable: bool) -> Order:
+    driver = order.given.get(DRIVER, {}) | {"auto_enable": enable}
+    return order._replace(given=order.given | {DRIVER: driver})
 
 
 def play(order: Order, page: dict, stop=None) -> bool:

@@ -71,6 +71,7 @@ class Nodes:
         logs.mkdir(parents=True, exist_ok=True)
         self._logs = logs
         self._running: dict[str, subprocess.Popen] = {}
+        self._ends: dict[str, str] = {}  # how they ended, as of the first look
 
     def __enter__(self) -> "Nodes":
         return self
@@ -80,6 +81,7 @@ class Nodes:
 
     def start(self, program: Program) -> None:
         """Starts one node; it gets a session of its own, so that a terminal's Ctrl-C comes from us, in order."""
+        self._ends.pop(program.name, None)
         with open(self._log(program.name), "ab") as log, held():
             self._running[program.name] = subprocess.Popen(
                 ending_with_us(program.command()),
@@ -98,8 +100,10 @@ class Nodes:
 
     def ended(self) -> dict[str, str]:
         """{name: how} of the nodes that have ended by themselves: by which signal or exit code, and the last error."""
-        codes = {name: process.poll() for name, process in self._running.items()}
-        return {name: self._how_it_ended(name, code) for name, code in codes.items() if code is not None}
+        for name, process in self._running.items():
+            if name not in self._ends and (code := process.poll()) is not None:
+                self._ends[name] = self._how_it_ended(name, code)
+        return {name: self._ends[name] for name in self._running if name in self._ends}
 
     def pid(self, name: str) -> int:
         """Process id of a running node."""
@@ -141,8 +145,9 @@ class Nodes:
         return ": ".join((f"{name} {how}", *itertools.islice(errors, 1)))
 
     def _last_lines(self, name):
-        """The last first."""
-        with open(self._log(name), "rb") as log:
+        """The last first; none of a log that cannot be read."""
+        lines: list[str] = []
+        with contextlib.suppress(OSError), open(self._log(name), "rb") as log:
             log.seek(max(0, log.seek(0, os.SEEK_END) - TAIL))
             lines = log.read().decode(errors="replace").split("\n")
         return (line.strip() for line in reversed(lines) if line.strip())

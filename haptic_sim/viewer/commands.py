@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Does what pages ask for. What goes wrong is a ValueError with a sentence for whoever asked."""
 
+import contextlib
 import math
 import time
 
@@ -15,18 +16,21 @@ from haptic_sim.viewer.leading_page import LeadingPage
 from haptic_sim.viewer.loading import point_in
 from haptic_sim.viewer.recovery import Recovery
 from haptic_sim.viewer.scene_controller import SceneController
-from haptic_sim.viewer.settings import DRIVER, LOOPBACK, SIMULATION
+from haptic_sim.viewer.settings import DRIVER, LOOPBACK, RECORDER, SIMULATION
 from haptic_sim.viewer.state import State
 from haptic_sim.viewer.trouble import TroubleFinder
+from haptic_sim.viewer.waiting import STARTING, until
 
-RECORDER = "haptic_recorder"
 UNCONFIGURED, INACTIVE, ACTIVE = 1, 2, 3  # lifecycle states
 CONFIGURE, ACTIVATE, DEACTIVATE = 1, 3, 4  # lifecycle transitions
 STOPPING = ("estop", "disable")
+BEGINNING = ("play", "step")  # of the guide
 YIELDED = 5e-4  # [m, rad] between the hand's target and the handle, by which it pulls at nothing that is felt
 EDGE = 0.01  # of the workspace at either end is where a page leads no hand
 LEADING = (messages.LoadScene, messages.ChooseMethod, messages.StartScene, messages.Mend)  # lead the hand to a place
-ENDING = (*LEADING, messages.Aim, messages.Trigger, messages.Restart)  # after these the guide shows nothing more
+WAITING = (*LEADING, messages.Aim, messages.TakeOver, messages.Restart)  # need motor and hand for themselves
+ENDING = (*WAITING, messages.Trigger)  # after these the guide shows nothing more
+RESTARTING = "the nodes are being started again"
 SLOW = (0.2, 3.0)  # m/s, rad/s at most, with which the hand is led to where a scene begins
 AGAIN, PATIENCE = 0.4, 4.8  # s: a busy machine may hold a node up for seconds
 POLLED = 0.4  # s for an answer that is asked for every second anyway
@@ -37,7 +41,8 @@ class CommandHandler:
     """Owns the hand. `values` are the nodes' parameters as last polled: {node: {name: value}}.
 
     began: the driver's live ones as they were first heard.
-    held_off: whether a page has said that the motor shall be off.
+    held_off: whether a page has said that the motor shall be off. drove: whether it was on before a node ended.
+    doing: the sequence that has motor and hand for itself, in words; "" if there is none.
 
     nodes: those that are this process's to start again; else None.
     """
@@ -46,6 +51,7 @@ class CommandHandler:
         self.client, self.state, self.hand, self._nodes = client, state, Hand(), nodes
         self.values, self.device, self.problem, self.held_off = {}, None, "", False
         self.began: dict = {}
+        self.drove, self.doing = False, ""
         self.scenes, self.pages, self.recovery = SceneController(self), LeadingPage(self), Recovery(self, nodes)
         self.guide = Guide(self)
         self.troubles = TroubleFinder(state, client, nodes)
@@ -55,13 +61,13 @@ class CommandHandler:
 
     @property
     def driving(self) -> bool:
-        """Whether the motor is on, or waits for a small force, and no page has said otherwise."""
-        return not self.held_off and self.state.said(DRIVER, "state", "idle") not in ("idle", "fault")
+        """Whether the motor is on, or waits for a small force, as the driver last said."""
+        return self.state.said(DRIVER, "state", "idle") not in ("idle", "fault")
 
     @property
-    def faulty(self) -> bool:
-        """Whether the driver says that a fault is latched."""
-        return self.state.said(DRIVER, "state") == "fault"
+    def fault(self) -> str:
+        """Name of the fault that is latched, as the driver last said; "" if none is."""
+        return self.state.said(DRIVER, "fault") if self.state.said(DRIVER, "state") == "fault" else ""
 
     @property
     def arrived(self) -> bool:
@@ -100,7 +106,7 @@ class CommandHandler:
         """Where the hand may go in the world, and speeds; without a description of the device, a workspace of 1 m.
 
         It keeps off the ends, beyond which the driver has a fault: a hand swings past where it wants to be."""
-        speeds = map(min, self._speeds, SLOW) if self.scenes.changing else self._speeds
+        speeds = map(min, self._speeds, SLOW) if self.doing else self._speeds
         if self.workspace is None:
             return Limits(((-0.5, 0.5),) * 2 + ((-100.0, 100.0),), *speeds)
         ends = tuple((low + EDGE * (high - low), high - EDGE * (high - low)) for low, high in self.workspace)
@@ -108,10 +114,7 @@ class CommandHandler:
 
     async def do(self, message: messages.Command, session) -> str:
         """Does it for a page; returns the sentence that says what was done, "" if there is nothing to say."""
-        if isinstance(message, (*LEADING, messages.Guide)):
-            self.pages.keeper = session
-        if isinstance(message, ENDING):
-            self.guide.stop()
+        self._admit(message, session)
         match message:
             case messages.Aim():
                 return self.pages.follow(session, message.place)
@@ -129,17 +132,47 @@ class CommandHandler:
                 return await self.scenes.choose_method(message.name)
             case messages.StartScene():
                 return await self.scenes.start_again()
-            case messages.Guide():
-                self.pages.check(session)
+            case messages.ShowWay():
                 return await self.guide.do(message.act)
             case messages.Mark():
                 return self._mark(message.text)
             case messages.Record():
                 return await self._record(message.on)
             case messages.Mend():
-                return await self.recovery.mend(self.troubles.trouble)
+                return await self.recovery.mend(self.troubles.trouble, message.title)
             case messages.Restart():
                 return await self._restart(message.name, message.value)
+
+    def _admit(self, message, session):
+        """ValueError if the page may not do this now. Else the page is the one to be listened for, if the hand is led
+        for it, and the guide ends, if the message ends it."""
+        begins = isinstance(message, messages.ShowWay) and message.act in BEGINNING
+        if self.doing and (begins or isinstance(message, WAITING)):
+            raise ValueError(f"wait: {self.doing}")
+        if isinstance(message, messages.Aim | messages.ShowWay):
+            self.pages.check(session)
+        if isinstance(message, (*LEADING, messages.ShowWay)):
+            self.pages.keeper = session
+        if isinstance(message, ENDING):
+            self.guide.stop()
+
+    @contextlib.contextmanager
+    def alone(self, doing: str):
+        """For a sequence that drives motor and hand: while it runs there is no other. ValueError if there is one."""
+        if self.doing:
+            raise ValueError(f"wait: {self.doing}")
+        self.doing = doing
+        try:
+            yield
+        finally:
+            self.doing = ""
+
+    def check_wanted(self, fault: str) -> None:
+        """ValueError if a page has said that the motor shall be off, or another fault than this is latched."""
+        if self.fault not in ("", fault):
+            raise ValueError(f"fault {self.fault} is latched; call ~/reset first")
+        if self.held_off:
+            raise ValueError("the display has been stopped: press Engage to go on")
 
     async def poll(self) -> None:
         """Asks the nodes for their parameters; nodes that are not heard any more keep none."""
@@ -180,9 +213,10 @@ class CommandHandler:
     def lead(self, now: float) -> None:
         """Leads the hand on towards its goal, or lets go when the page that led it is silent; to be called often. now
         [s]."""
+        self._remember()
         if not self.state.axes:
-            self.hand.release()
             self.guide.stop()
+            self.hand.release()
             return
         self.guide.lead(now)
         truth, to_world = self.state.truth, self.state.to_world
@@ -210,6 +244,12 @@ class CommandHandler:
     def let_go(self) -> None:
         """The hand pulls at nothing, and no page leads it."""
         self.hand.let_go(time.monotonic())
+
+    def _remember(self):
+        """Of what the driver says while a node has ended, or its device is silent for that, nothing."""
+        trouble = self.troubles.trouble
+        if trouble is None or trouble.fault not in ("", "device_silent"):
+            self.drove = self.driving
 
     def _prepare(self):
         """Services are looked for before they are needed: an e-stop must not wait for its own to be found."""
@@ -263,8 +303,13 @@ class CommandHandler:
     async def _restart(self, name, value):
         if self._nodes is None:
             raise ValueError(f"{name} is fixed once the nodes run; haptic demo --view starts them again for it")
-        self.hand.release()
-        said = await self._nodes.change(name, value)
-        self.client.statuses.clear()  # of nodes that have ended
-        self.state.look()  # else the page would read the answer beside their last states
+        with self.alone(RESTARTING):
+            self.held_off = self.held_off or bool(self.fault)  # else a stop would be over with the driver it stopped
+            enable = not self.held_off
+            self.hand.release()
+            said = await self._nodes.change(name, value, enable)
+            self.client.statuses.clear()  # of nodes that have ended
+            self.state.look()  # else the page would read the answer beside their last states
+            if enable and await until(lambda: DRIVER in self.state.statuses, STARTING) and self.held_off:
+                await self.order("disable")  # stopped while there was no driver to hear it
         return said

@@ -5,7 +5,7 @@ import time
 
 
 class LeadingPage:
-    """Of a command handler, whose hand, state and scenes it uses. What pages ask for returns a sentence.
+    """Of a command handler, whose hand, guide and state it uses. What pages ask for returns a sentence.
 
     keeper: the session whose silence lets the hand go: the last to lead it, or to have it led to a scene's start."""
 
@@ -18,9 +18,7 @@ class LeadingPage:
         return self.keeper.heard if self.keeper else 0
 
     def follow(self, session, place: dict[str, float]) -> str:
-        """The hand goes where a page aims. ValueError if it is not this page's to lead, or not there."""
-        self._refuse_while_changing()
-        self.check(session)
+        """The hand goes where a page aims. ValueError if it is not there."""
         self.keeper = session
         hint = self._commands.aim(place)
         self._commands.hand.leader = session
@@ -32,21 +30,19 @@ class LeadingPage:
             raise ValueError("another page leads the hand: press Take over")
 
     def let_go(self, session) -> str:
-        """The hand lets go, if this page leads it."""
-        if self._commands.hand.leader is session:
-            self._commands.let_go()
+        """The hand lets go, unless another page leads it, or it is led to where it must be."""
+        commands = self._commands
+        if commands.hand.leader in (None, session):
+            commands.guide.stop()
+            if not commands.doing:
+                commands.let_go()
         return ""
 
     def take_over(self, session) -> str:
         """The hand stays where it is, and is this page's. ValueError if there is none."""
-        self._refuse_while_changing()
         commands = self._commands
         if not commands.state.axes:
             raise ValueError("no simulated hand is heard of: haptic_loopback does not run")
         commands.hand.take(tuple(commands.state.to_world(commands.state.truth.target)), time.monotonic())
         self.keeper = commands.hand.leader = session
         return "this page leads the hand"
-
-    def _refuse_while_changing(self):
-        if self._commands.scenes.changing:
-            raise ValueError("wait: the hand goes to where the scene begins")

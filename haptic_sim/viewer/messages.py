@@ -5,9 +5,10 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
+from haptic_device.message_fields import AXES
+
 LONGEST = 4096  # bytes of a message
 LARGEST = 2.0**53  # a number beyond it is none that a page means
-AXES = ("x", "y", "theta")
 TEXT = 200  # characters
 _SHOWN = 60  # characters of a value that a refusal repeats
 
@@ -103,7 +104,7 @@ class StartScene(Message):
     do: Literal["start_scene"] = "start_scene"
 
 
-class Guide(Message):
+class ShowWay(Message):
     """What the guide shall do, who shows the scene's suggested way with the hand."""
 
     do: Literal["guide"] = "guide"
@@ -125,9 +126,10 @@ class Record(Message):
 
 
 class Mend(Message):
-    """Ends the trouble that the banner tells of."""
+    """Ends the trouble that the banner of the page tells of, by its title."""
 
     do: Literal["mend"] = "mend"
+    title: Text
 
 
 class Restart(Message):
@@ -145,7 +147,7 @@ Command = (
     | LoadScene
     | ChooseMethod
     | StartScene
-    | Guide
+    | ShowWay
     | Mark
     | Record
     | Restart

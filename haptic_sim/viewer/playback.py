@@ -11,6 +11,7 @@ ARM = 0.05  # [m] way that turning by a radian counts as
 SHARP = 0.5  # cosine of the bend from which on the hand stops at a corner: 60 degrees
 SLOW = 0.25  # of the speed
 STEPS = 10  # of the whole way
+REST = 0.5  # s that the hand stays at the end: what it presses against is felt there
 LONGEST = 0.1  # s that one look counts at most: what the viewer has slept through is not caught up
 
 
@@ -31,12 +32,12 @@ class Playback:
     def __init__(self) -> None:
         self.state, self.share, self.slow = OFF, 0.0, False
         self._legs: list[Leg] = []
-        self._seconds, self._until, self._looked = 1.0, 1.0, 0.0
+        self._seconds, self._until, self._looked, self._rested = 1.0, 1.0, 0.0, 0.0
 
     def begin(self, way: tuple[Place, ...], seconds: float) -> None:
         """Stands at the start of a way that takes so many seconds. ValueError for one that leads nowhere."""
         self._legs = legs(way)
-        self._seconds, self.share, self.state = seconds, 0.0, PAUSED
+        self._seconds, self._rested, self.share, self.state = seconds, 0.0, 0.0, PAUSED
 
     def go_on(self, now: float) -> None:
         """To the end, from where it is; now [s]."""
@@ -56,13 +57,14 @@ class Playback:
         self.state, self.share = OFF, 0.0
 
     def place(self, now: float) -> Place:
-        """Where the hand shall be now [m, m, rad], while it plays; at the end it is over. now [s]."""
+        """Where the hand shall be now [m, m, rad], while it plays; it is over REST after the end. now [s]."""
         elapsed, self._looked = min(LONGEST, now - self._looked), now
+        self._rested += elapsed if self.share == 1.0 else 0.0
         self.share = min(self._until, self.share + elapsed * (SLOW if self.slow else 1.0) / self._seconds)
         place = along(self._legs, self.share)
-        if self.share == 1.0:
+        if self._rested >= REST:
             self.stop()
-        elif self.share == self._until:
+        elif self.share == self._until < 1.0:
             self.state = PAUSED
         return place
 

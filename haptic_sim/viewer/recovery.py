@@ -1,44 +1,54 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one button of the banner: does what a trouble needs, until the display is engaged again."""
+"""The one button of the banner: does what a trouble needs, until the display is engaged again. A stop ends it."""
 
 import asyncio
 import time
 
 from haptic_device.message_fields import AXES
-from haptic_sim.viewer.settings import DRIVER, SIMULATION
-from haptic_sim.viewer.trouble import NAMES, RECORDER, Trouble
+from haptic_sim.viewer.settings import DRIVER, RECORDER, SIMULATION
+from haptic_sim.viewer.trouble import NAMES, Trouble, named
+from haptic_sim.viewer.waiting import ARRIVAL, STARTING, until
 
-STARTING = 60.0  # s that a node which is started again may take until it is heard of
+DOING = "what the banner says is being done"
+STOPS = ("estop", "device_estop")  # faults that somebody has asked for
 READY = 3.0  # s that a driver may take to find its device, or a device to answer
-ARRIVAL = 10.0  # s that the hand may take to where the handle may be
+RETRY = 0.2  # s
 ENGAGING = 1.5  # s for the display to engage where the handle is
 AT_START = 10.0  # s for the display to engage where the scene begins
-LOOK_PERIOD = 0.05  # s
 
 
 class Recovery:
     """Of a command handler, whose hand, orders and scenes it uses. nodes: as of the handler."""
 
     def __init__(self, commands, nodes=None):
-        self._commands, self._nodes, self._mending = commands, nodes, asyncio.Lock()
+        self._commands, self._nodes = commands, nodes
 
     @property
     def running(self) -> bool:
         """Whether it is at work."""
-        return self._mending.locked()
+        return self._commands.doing == DOING
 
-    async def mend(self, trouble: Trouble | None) -> str:
-        """Ends a trouble; returns what was done. ValueError if it cannot be ended, with the reason."""
-        if self.running:
-            raise ValueError("it is being done already")
-        async with self._mending:
-            if trouble is None:
-                return "nothing is wrong"
+    async def mend(self, trouble: Trouble | None, title: str) -> str:
+        """Ends the trouble, which must have this title; returns what was done. ValueError if it cannot be ended, or is
+        another, with the reason."""
+        if trouble is None:
+            return "nothing is wrong"
+        if trouble.title != title:
+            raise ValueError(f"something else is wrong by now: {trouble.title}")
+        with self._commands.alone(DOING):
             if trouble.nodes:
-                await self._start_again(trouble.nodes)
-            if set(trouble.nodes) == {RECORDER}:
-                return "the recorder runs again"
-            return await self._engage(bool(trouble.nodes))
+                return await self._mend_nodes(trouble.nodes)
+            self._commands.held_off = False  # what was stopped before; a stop from now on counts
+            return await self._engage(trouble.fault)
+
+    async def _mend_nodes(self, names):
+        """A motor that was off before stays off, and who has stopped the display is not overruled."""
+        commands = self._commands
+        await self._start_again(names)
+        off = commands.held_off or not commands.drove or commands.fault in STOPS
+        if off or set(names) == {RECORDER}:
+            return f"{named(names)} {'run' if len(names) > 1 else 'runs'} again"
+        return await self._engage(commands.fault, anew=True)
 
     async def _start_again(self, names):
         if self._nodes is None:
@@ -49,41 +59,49 @@ class Recovery:
         for name in names:
             commands.client.statuses.pop(name, None)  # of the node that is gone
             commands.client.heard.pop(name, None)
+        commands.state.look()
         heard = [name for name in names if name in NAMES]
-        await self._until(lambda: all(name in commands.state.statuses for name in heard), STARTING)
+        await until(lambda: all(name in commands.state.statuses for name in heard), STARTING)
         for name in heard:
             if name not in commands.state.statuses:
                 raise ValueError(f"the {NAMES[name]} was started, and says nothing yet: wait, and press again")
         await commands.poll()
 
-    async def _engage(self, anew):
-        """anew: with nodes that were started again, so that the scene begins again too."""
+    async def _engage(self, fault, anew=False):
+        """fault: the one that may be cleared; anew: with nodes that were started again, so that the scene begins again
+        too."""
         commands = self._commands
-        await self._lead_inside()
-        await self._reset()
         begin_again = SIMULATION in commands.state.statuses
-        if anew and begin_again:
-            await commands.scenes.start_again()
-        commands.held_off = False
-        await commands.order("enable")
-        if await self._until(self._engaged, AT_START if anew else ENGAGING):
-            return "engaged"
-        if begin_again and commands.state.axes and not anew:
-            await commands.scenes.start_again()
-            if await self._until(self._engaged, AT_START):
-                return "engaged at the start of the scene"
-        return "enabled: lead the handle to the tool"
+        try:
+            await self._lead_inside()
+            await self._clear(fault)
+            commands.check_wanted(fault)
+            if anew and begin_again:
+                await commands.scenes.enter({})
+                commands.check_wanted(fault)
+            await commands.order("enable")
+            if await self._engaged(AT_START if anew else ENGAGING):
+                return "engaged"
+            if begin_again and commands.state.axes and not anew:
+                commands.check_wanted("")
+                await commands.scenes.enter({})
+                if await self._engaged(AT_START):
+                    return "engaged at the start of the scene"
+            return "enabled: lead the handle to the tool"
+        finally:
+            commands.let_go()
 
-    async def _reset(self):
+    async def _clear(self, fault):
         """Clears the fault; a driver or a device that has just begun may need a moment."""
         end = time.monotonic() + READY
         while True:
+            self._commands.check_wanted(fault)
             try:
                 return await self._commands.order("reset")
             except ValueError:
                 if time.monotonic() > end:
                     raise
-            await asyncio.sleep(4 * LOOK_PERIOD)
+            await asyncio.sleep(RETRY)
 
     async def _lead_inside(self):
         """A simulated hand goes to where the handle may be, no farther than it must; a person's is their own."""
@@ -96,13 +114,12 @@ class Recovery:
             commands.aim(dict(zip(AXES, place, strict=False)))
         except ValueError:
             return  # it plays a script
-        await self._until(lambda: commands.arrived and commands.inside, ARRIVAL)
+        await until(lambda: commands.held_off or (commands.arrived and commands.inside), ARRIVAL)
 
-    async def _until(self, condition, patience):
-        end = time.monotonic() + patience
-        while time.monotonic() < end and not condition():
-            await asyncio.sleep(LOOK_PERIOD)
-        return condition()
-
-    def _engaged(self):
-        return self._commands.state.said(DRIVER, "state") == "engaged"
+    async def _engaged(self, patience):
+        """Whether it is within so many seconds. ValueError if it is stopped."""
+        commands = self._commands
+        engaged = await until(lambda: commands.held_off or commands.state.said(DRIVER, "state") == "engaged", patience)
+        if commands.held_off:
+            commands.check_wanted("")
+        return engaged

@@ -9,6 +9,7 @@ from haptic_device.yaml_reader import dump
 from haptic_sim.node.parameters import PARAMETERS as SIMULATION_PARAMETERS
 
 DRIVER, LOOPBACK, SIMULATION = "haptic_driver", "haptic_loopback", "haptic_simulation"
+RECORDER = "haptic_recorder"
 NODES: dict[str, tuple[Parameter, ...]] = {
     DRIVER: DEVICE_NODES[DRIVER],
     LOOPBACK: DEVICE_NODES[LOOPBACK],

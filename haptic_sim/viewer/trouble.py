@@ -2,14 +2,14 @@
 """What is wrong with the display, and what to do and press: nodes that ended or are silent, a latched fault."""
 
 import time
+from collections.abc import Collection
 from typing import NamedTuple
 
 from haptic_sim.client import Client
 from haptic_sim.fault_sentence import FAULTS, PRESS, cause, fell, steps
-from haptic_sim.viewer.settings import DRIVER, LOOPBACK, SIMULATION
+from haptic_sim.viewer.settings import DRIVER, LOOPBACK, RECORDER, SIMULATION
 from haptic_sim.viewer.state import SILENT, State
 
-RECORDER = "haptic_recorder"
 NAMES = {DRIVER: "driver", SIMULATION: "simulation", LOOPBACK: "device", RECORDER: "recorder"}
 NAMES |= {"haptic_bridge": "bridge of the device", "haptic_relay": "relay"}
 WATCHED = (DRIVER, SIMULATION, LOOPBACK, "haptic_bridge")  # silent, they are missed; whoever records may stop
@@ -72,11 +72,9 @@ class TroubleFinder:
         found = ended | silent
         if not found:
             return None
-        who = "The nodes" if len(found) > 1 else f"The {NAMES.get(*found, *found)}"
-        verb = ("have" if len(found) > 1 else "has") + " ended" if ended else "do not answer"
-        title = f"{who} {verb if ended or len(found) > 1 else 'does not answer'}"
-        why = "; ".join(found.values())
-        button = f"Start {who[0].lower()}{who[1:]} again" if self._nodes else ""
+        said = _of(ended, "has ended", "have ended"), _of(silent, "does not answer", "do not answer")
+        title, why = ". ".join(filter(None, said)), "; ".join(found.values())
+        button = f"Start {named(found)} again" if self._nodes else ""
         first = "" if button else f"Start again: {', '.join(map(self._command, found))}"
         told = f"{title}: {why}. " + (f'Press "{button}" on the page.' if button else f"{first}.")
         return Trouble(title, f"{why}.", first, button, tuple(found), told=told)
@@ -102,6 +100,15 @@ class TroubleFinder:
         why = f"{_capital(cause(name, number))}."
         first = FAULTS[name].first and f"{_capital(FAULTS[name].first)}."  # what to press then is written on the button
         return Trouble(FAULTS[name].title, why, first, "Reset and engage", fault=name, told=told)
+
+
+def named(nodes: Collection[str]) -> str:
+    """One node by its name, or "the nodes"."""
+    return "the nodes" if len(nodes) > 1 else f"the {NAMES.get(*nodes, *nodes)}"
+
+
+def _of(nodes, one, many):
+    return _capital(f"{named(nodes)} {many if len(nodes) > 1 else one}") if nodes else ""
 
 
 def _capital(sentence):

@@ -25,7 +25,7 @@ from haptic_device.realtime.scheduling import spare_collections
 from haptic_sim.client import Client
 from haptic_sim.method_registry import AUTO, offered
 from haptic_sim.viewer import settings
-from haptic_sim.viewer.commands import RECORDER, CommandHandler
+from haptic_sim.viewer.commands import CommandHandler
 from haptic_sim.viewer.guard import is_loopback
 from haptic_sim.viewer.markers import MarkerPublisher
 from haptic_sim.viewer.messages import Aim, LetGo, Record, Trigger
@@ -34,7 +34,7 @@ from haptic_sim.viewer.parameters import PARAMETERS
 from haptic_sim.viewer.passive_range import PassiveRanges
 from haptic_sim.viewer.recordings import Recordings
 from haptic_sim.viewer.server import Server
-from haptic_sim.viewer.settings import DRIVER, SIMULATION
+from haptic_sim.viewer.settings import DRIVER, RECORDER, SIMULATION
 from haptic_sim.viewer.state import State
 from haptic_sim.viewer.tasks import tasks
 from haptic_sim.viewer.unfelt import unfelt
@@ -45,7 +45,7 @@ STOP = Trigger(service="estop")
 
 class Viewer:
     """A viewer on a node that it may use alone. nodes: the nodes, where they are this process's to start again: has
-    offer(), changing, ended(), keep(values), async change(name, value) and async start_again(names)."""
+    offer(), changing, ended(), keep(values), async change(name, value, enable) and async start_again(names)."""
 
     def __init__(self, node, values: dict, nodes=None):
         client = Client(node)

@@ -2,6 +2,7 @@
 """Nodes that are started again for another exchange or network: what they are started with. No node runs."""
 
 import asyncio
+import threading
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,9 @@ class Nodes:
     def end_all_but(self, kept):
         self.started = {}
 
+    def kill(self, name):
+        self.killer = threading.current_thread()
+
 
 @pytest.fixture
 def manager(tmp_path):
@@ -33,8 +37,8 @@ def manager(tmp_path):
     return manager
 
 
-def changed(manager, name, value):
-    asyncio.run(manager.change(name, value))
+def changed(manager, name, value, enable=True):
+    asyncio.run(manager.change(name, value, enable))
     return manager._nodes.started
 
 
@@ -73,3 +77,15 @@ def test_a_delay_is_taken_up_to_what_can_be_felt(manager, name):
     assert manager.offer()[name]["value"] == pytest.approx(200.0)
     with pytest.raises(ValueError, match=rf"{name} is 200.1; 0 to 200.0 ms is needed"):
         changed(manager, name, 200.1)
+
+
+@pytest.mark.parametrize("enable", [True, False])
+def test_a_driver_that_is_started_for_another_delay_enables_itself_only_if_it_may(manager, enable):
+    assert changed(manager, "delay", 5.0, enable)[DRIVER]["auto_enable"] is enable
+    assert changed(manager, "delay", 5.0)[DRIVER]["auto_enable"] is True, "each time anew"
+
+
+def test_nodes_that_are_started_again_do_not_enable_themselves_and_hold_up_nobody_while_they_are_killed(manager):
+    asyncio.run(manager.start_again([DRIVER]))
+    assert manager._nodes.started[DRIVER]["auto_enable"] is False
+    assert manager._nodes.killer is not threading.main_thread()

@@ -3,6 +3,7 @@
 
 import asyncio
 import os
+import shutil
 import signal
 import sys
 
@@ -124,6 +125,18 @@ def test_a_node_that_refuses_is_named_once(tmp_path, program):
         until(nodes.ended, "the end of the node")
         said = "refusing_node ended with exit code 1: the gains are not passive"
         assert nodes.ended() == {"refusing_node": said}
+
+
+@pytest.mark.parametrize(("seen", "said"), [(True, ": RuntimeError: the motor is gone"), (False, "")])
+def test_how_a_node_ended_is_known_also_when_its_log_has_gone(tmp_path, program, seen, said):
+    with Nodes(tmp_path / "log") as nodes:
+        nodes.start(program("falling_node", _FALLS))
+        fallen = psutil.Process(nodes.pid("falling_node"))
+        until(lambda: fallen.status() == psutil.STATUS_ZOMBIE, "the end of the node")
+        if seen:
+            nodes.ended()
+        shutil.rmtree(tmp_path / "log")
+        assert nodes.ended() == {"falling_node": f"falling_node ended with exit code 1{said}"}
 
 
 @pytest.mark.parametrize(

@@ -7,32 +7,39 @@ from types import SimpleNamespace
 import pytest
 from made_up_clock import Clock
 
-from haptic_sim.viewer import recovery as module
-from haptic_sim.viewer.recovery import Recovery
+from haptic_sim.viewer import recovery, waiting
+from haptic_sim.viewer.commands import CommandHandler
+from haptic_sim.viewer.recovery import DOING, Recovery
 from haptic_sim.viewer.trouble import Trouble
 
 DRIVER, SIMULATION, RECORDER = "haptic_driver", "haptic_simulation", "haptic_recorder"
 FAULT = Trouble("Handle too fast", "…", "…", "Reset and engage", fault="velocity")
+ENDED = Trouble("The simulation has ended", "…", "", "Start the simulation again", (SIMULATION,))
 
 
 class Display:
     """A display as a command handler sees it; `done` is what was asked for. engages: at which attempt; stuck: its fault
-    stays; axes: of the simulated hand."""
+    stays; axes: of the simulated hand; stop: what is asked for when somebody stops it, by a page or with a fault."""
 
-    def __init__(self, engages=1, stuck=False, axes=3, nodes=True, appears=True):
-        self.done, self.held_off = [], True
+    alone, check_wanted = CommandHandler.alone, CommandHandler.check_wanted
+
+    def __init__(self, engages=1, stuck=False, axes=3, nodes=True, appears=True, stop=None, fault="velocity"):
+        self.done, self.held_off, self.drove, self.doing, self.fault = Done(self, stop), True, True, "", fault
         self._engages, self._stuck, self._appears = engages, stuck, appears
         truth = SimpleNamespace(position=(0.13, 0.0, 0.0)[:axes])
         self.state = SimpleNamespace(statuses={DRIVER: 1, SIMULATION: 1}, axes=axes, truth=truth, said=self._said)
-        self.state.to_world = list
+        self.state.to_world, self.state.look = list, lambda: None
         self.client = SimpleNamespace(statuses=dict(self.state.statuses), heard=dict(self.state.statuses))
         self.hand = SimpleNamespace(release=lambda: None)
-        self.scenes = SimpleNamespace(start_again=self._start_scene)
+        self.scenes = SimpleNamespace(enter=self._start_scene)
         self.arrived = self.inside = True
         self.recovery = Recovery(self, SimpleNamespace(start_again=self._start_nodes) if nodes else None)
 
-    def mend(self, trouble):
-        return asyncio.run(self.recovery.mend(trouble))
+    def mend(self, trouble, title=None):
+        return asyncio.run(self.recovery.mend(trouble, title or (trouble and trouble.title)))
+
+    def let_go(self):
+        self.done.append("let go")
 
     def aim(self, place):
         self.done.append(("aim", place))
@@ -41,12 +48,14 @@ class Display:
         self.done.append(service)
         if service == "reset" and self._stuck:
             raise ValueError("fault velocity is latched again: its cause is still there")
+        if service == "reset":
+            self.fault = ""
         self._engages -= service == "enable"
 
     async def poll(self):
         pass
 
-    async def _start_scene(self):
+    async def _start_scene(self, change):
         self.done.append("start of the scene")
         self._engages -= 1
 
@@ -61,33 +70,46 @@ class Display:
         return "engaged" if self._engages <= 0 else "waiting for a small force"
 
 
+class Done(list):
+    """Somebody presses e-stop as soon as `stop` was asked for."""
+
+    def __init__(self, display, stop):
+        super().__init__()
+        self._display, self._stop = display, stop
+
+    def append(self, asked):
+        super().append(asked)
+        self._display.held_off |= asked == self._stop
+
+
 @pytest.fixture(autouse=True)
 def no_time(monkeypatch):
-    clock = Clock().put(monkeypatch, module)
+    clock = Clock().put(monkeypatch, recovery, waiting)
 
     async def sleep(seconds):
         clock.now += seconds
 
-    monkeypatch.setattr(module, "asyncio", SimpleNamespace(sleep=sleep, Lock=asyncio.Lock))
+    for module in (recovery, waiting):
+        monkeypatch.setattr(module, "asyncio", SimpleNamespace(sleep=sleep))
 
 
 def test_a_fault_is_cleared_and_the_display_engaged_where_the_handle_is():
     display = Display()
     assert display.mend(FAULT) == "engaged"
-    assert display.done == [("aim", {"x": 0.13, "y": 0.0, "theta": 0.0}), "reset", "enable"]
+    assert display.done == [("aim", {"x": 0.13, "y": 0.0, "theta": 0.0}), "reset", "enable", "let go"]
     assert not display.held_off
 
 
 def test_a_display_that_cannot_engage_there_engages_at_the_start_of_the_scene():
     display = Display(engages=2)
     assert display.mend(FAULT) == "engaged at the start of the scene"
-    assert display.done[1:] == ["reset", "enable", "start of the scene"]
+    assert display.done[1:] == ["reset", "enable", "start of the scene", "let go"]
 
 
 def test_a_persons_hand_is_led_by_nobody_else_and_told_what_to_do():
     display = Display(engages=2, axes=0)
     assert display.mend(FAULT) == "enabled: lead the handle to the tool"
-    assert display.done == ["reset", "enable"]
+    assert display.done == ["reset", "enable", "let go"]
 
 
 def test_a_fault_whose_cause_stays_is_the_answer_and_nothing_is_enabled():
@@ -98,11 +120,72 @@ def test_a_fault_whose_cause_stays_is_the_answer_and_nothing_is_enabled():
 
 
 def test_a_simulation_is_started_again_and_begins_its_scene_again():
-    display = Display(engages=2)
-    ended = Trouble("The simulation has ended", "…", "", "Start the simulation again", (SIMULATION,))
-    assert display.mend(ended) == "engaged"
+    display = Display(engages=2, fault="")
+    display.held_off = False
+    assert display.mend(ENDED) == "engaged"
     assert display.done[0] == (SIMULATION,)
-    assert display.done[2:] == ["reset", "start of the scene", "enable"]
+    assert display.done[2:] == ["reset", "start of the scene", "enable", "let go"]
+
+
+@pytest.mark.parametrize(
+    ("why", "is_so"),
+    [("a page stopped it", {"held_off": True}), ("it was off", {"drove": False}), ("an e-stop", {"fault": "estop"})],
+)
+def test_nodes_that_are_started_again_overrule_nobody_who_wants_the_motor_off(why, is_so):
+    display = Display(fault="")
+    vars(display).update({"held_off": False} | is_so)
+    assert display.mend(ENDED) == "the simulation runs again"
+    assert display.done == [(SIMULATION,)], why
+
+
+@pytest.mark.parametrize(
+    "stop", [("aim", {"x": 0.13, "y": 0.0, "theta": 0.0}), "reset", "enable", "start of the scene"]
+)
+def test_a_stop_wins_whenever_it_comes_and_nothing_is_ordered_after_it(stop):
+    display = Display(engages=3, stop=stop)
+    with pytest.raises(ValueError, match="the display has been stopped"):
+        display.mend(FAULT)
+    assert display.done[-2:] == [stop, "let go"] and display.held_off
+
+
+@pytest.mark.parametrize(
+    "stop", [(SIMULATION,), ("aim", {"x": 0.13, "y": 0.0, "theta": 0.0}), "reset", "start of the scene"]
+)
+def test_a_stop_while_nodes_are_started_again_wins(stop):
+    display = Display(engages=2, stop=stop, fault="")
+    display.held_off = False
+    if stop == (SIMULATION,):
+        assert display.mend(ENDED) == "the simulation runs again"
+    else:
+        with pytest.raises(ValueError, match="the display has been stopped"):
+            display.mend(ENDED)
+    assert "enable" not in display.done and display.held_off
+
+
+def test_a_fault_that_came_meanwhile_is_not_cleared():
+    display = Display(fault="estop")
+    with pytest.raises(ValueError, match="fault estop is latched; call ~/reset first"):
+        display.mend(FAULT)
+    assert "reset" not in display.done
+
+
+def test_the_button_does_what_it_said_and_nothing_for_another_trouble():
+    display = Display()
+    with pytest.raises(ValueError, match="something else is wrong by now: Handle too fast"):
+        display.mend(FAULT, "The simulation has ended")
+    assert display.done == [] and display.held_off
+
+
+def test_who_comes_second_waits():
+    display = Display()
+    with (
+        display.alone("the scene is being changed"),
+        pytest.raises(ValueError, match="^wait: the scene is being changed$"),
+    ):
+        display.mend(FAULT)
+    with display.alone(DOING), pytest.raises(ValueError, match="^wait: what the banner says is being done$"):
+        display.mend(FAULT)
+    assert display.done == [] and display.doing == ""
 
 
 def test_a_recorder_is_started_again_and_the_motor_left_alone():

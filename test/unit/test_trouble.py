@@ -70,6 +70,20 @@ def test_several_nodes_that_ended_are_started_again_together(clock):
     assert found.nodes == (DRIVER, SIMULATION) and found.cause == "a; b."
 
 
+def test_a_node_that_ended_and_one_that_is_only_silent_are_told_in_two_sentences(clock):
+    viewed = Viewed(clock, {DRIVER: "a"}).hear(SIMULATION)
+    del viewed.statuses[SIMULATION]
+    found = viewed.look()
+    assert found.title == "The driver has ended. The simulation does not answer"
+    assert found.button == "Start the nodes again" and found.nodes == (DRIVER, SIMULATION)
+
+
+def test_several_silent_nodes_do_not_answer(clock):
+    viewed = Viewed(clock, {}).hear(SIMULATION).hear(LOOPBACK)
+    viewed.statuses.clear()
+    assert viewed.look().title == "The nodes do not answer"
+
+
 def test_a_node_that_ended_and_that_somebody_else_has_started_again_is_no_trouble(clock):
     viewed = Viewed(clock, {SIMULATION: "it was ended"}).hear(SIMULATION)
     assert viewed.look().nodes == (SIMULATION,)

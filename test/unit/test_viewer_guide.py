@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from haptic_sim.viewer.commands import CommandHandler
 from haptic_sim.viewer.guide import Guide
 from haptic_sim.viewer.hand import Hand, Limits
 from haptic_sim.viewer.messages import parse
-from haptic_sim.viewer.playback import Playback, along, legs
+from haptic_sim.viewer.playback import REST, Playback, along, legs
 
 CORNER = ((0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.1, 0.3, 0.0))
 PLACE = st.tuples(*[st.floats(-0.1, 0.1)] * 3)
@@ -75,7 +76,8 @@ def test_a_step_is_a_tenth_of_the_whole_and_ten_of_them_are_all():
         playback.step(float(k))
         assert played(playback, 0.5, float(k)) == pytest.approx(0.1 * k) and playback.state == "paused"
     playback.step(10.0)
-    played(playback, 0.5, 10.0)
+    assert played(playback, REST, 10.0) == 1.0 and playback.state == "playing", "it rests at the end"
+    played(playback, 0.2, 10.0 + REST)
     assert playback.state == "off"
 
 
@@ -90,11 +92,14 @@ def test_what_the_viewer_has_slept_through_is_not_caught_up():
 class Commands:
     """Of a viewer whose scene begins again at once, unless `meanwhile` does something."""
 
+    check_wanted = CommandHandler.check_wanted
+
     def __init__(self, meanwhile=lambda: None):
-        self.hand, self.said, self.meanwhile = Hand(), "engaged", meanwhile
+        self.hand, self.meanwhile = Hand(), meanwhile
+        self.driving, self.held_off, self.fault = True, False, ""
         self.limits = Limits(((-1.0, 1.0),) * 3, 1.0, 1.0)
         scene = types.SimpleNamespace(way=CORNER, seconds=1.0)
-        self.state = types.SimpleNamespace(axes=3, scene=scene, said=lambda *words: self.said)
+        self.state = types.SimpleNamespace(axes=3, scene=scene, scene_number=1)
         self.scenes, self.begun = self, 0
 
     async def start_again(self):
@@ -104,6 +109,9 @@ class Commands:
     def aim(self, place):
         if self.hand.goal is None:
             self.hand.take((0.0, 0.0, 0.0), 0.0)
+
+    def let_go(self):
+        self.hand.let_go(0.0)
 
 
 def guided(**given):
@@ -134,15 +142,50 @@ def test_the_guide_stops_for_good_when_somebody_leads_the_hand_while_the_scene_b
     assert guide.said == {"state": "off", "share": 0.0, "slow": False}
 
 
-@pytest.mark.parametrize("reason", ["fault", "let go"])
-def test_the_guide_stops_at_a_fault_and_when_the_hand_has_let_go(reason):
+@pytest.mark.parametrize("acts", [["play"], ["play", "pause"]], ids=["playing", "paused"])
+@pytest.mark.parametrize("reason", ["fault", "let go", "another scene"])
+def test_the_guide_ends_at_a_fault_with_another_scene_and_when_the_hand_has_let_go(reason, acts):
+    commands, guide = guided()
+    do(guide, *acts)
+    commands.fault = "velocity" if reason == "fault" else ""
+    commands.state.scene_number += reason == "another scene"
+    if reason == "let go":
+        commands.let_go()
+    guide.lead(0.0)
+    assert guide.said["state"] == "off" and commands.hand.loose
+
+
+@pytest.mark.parametrize("end", ["its end", "a stop"])
+def test_after_the_guide_the_hand_pulls_at_nothing(end):
     commands, guide = guided()
     do(guide, "play")
-    commands.said = reason
-    if reason == "let go":
-        commands.hand.release()
-    guide.lead(0.0)
-    assert guide.said["state"] == "off"
+    begin = guide.playback._looked
+    for k in range(1, 140 if end == "its end" else 50):
+        guide.lead(begin + 0.01 * k)
+    assert commands.hand.goal is not None
+    if end == "its end":
+        assert commands.hand.goal == pytest.approx(CORNER[-1])
+        for k in range(140, 160):
+            guide.lead(begin + 0.01 * k)
+    else:
+        guide.stop()
+    assert guide.said["state"] == "off" and commands.hand.goal is None and commands.hand.loose
+
+
+@pytest.mark.parametrize(
+    ("is_so", "said"),
+    [
+        ({"fault": "estop", "driving": False}, "fault estop is latched; call ~/reset first"),
+        ({"held_off": True}, "press Engage"),
+        ({"driving": False}, "the motor is off: press Engage first"),
+    ],
+)
+def test_the_guide_switches_no_motor_on(is_so, said):
+    commands, guide = guided()
+    vars(commands).update(is_so)
+    with pytest.raises(ValueError, match=said):
+        do(guide, "play")
+    assert commands.begun == 0 and commands.hand.goal is None and guide.said["state"] == "off"
 
 
 def test_a_step_waits_behind_a_tenth_of_the_way_and_slow_stays_until_fast():

@@ -10,6 +10,7 @@ import pytest
 from haptic_sim.viewer import messages
 from haptic_sim.viewer.commands import SLOW, YIELDED, CommandHandler
 from haptic_sim.viewer.hand import SILENCE
+from haptic_sim.viewer.trouble import Trouble
 
 SPEEDS = (1.0, 15.0)
 
@@ -33,7 +34,9 @@ def handler(monkeypatch):
 
     node = types.SimpleNamespace(create_publisher=lambda *words: None)
     client = types.SimpleNamespace(node=node, prepare=lambda *services: None, aim=aim, acall=answer)
-    state = types.SimpleNamespace(truth=truth, axes=3, to_world=list, said=lambda *words: "engaged", scene=None)
+    scene = types.SimpleNamespace(way=((0.0, 0.0, 0.0), (0.1, 0.0, 0.0)), seconds=1.0)
+    state = types.SimpleNamespace(truth=truth, axes=3, to_world=list, said=lambda *words: "engaged", scene=scene)
+    state.scene_number = 1
     return CommandHandler(client, state, SPEEDS)
 
 
@@ -131,3 +134,69 @@ def test_while_a_scene_changes_no_page_leads_and_the_hand_is_slow(handler):
     assert found == [(None, *SLOW)]
     told(handler, AIM, first)
     assert handler.hand.leader is first
+
+
+SHOW = messages.ShowWay(act="play")
+
+
+@pytest.fixture
+def shown(handler):
+    """With the guide at work, for a page."""
+    handler.hand.take((0.0, 0.0, 0.0), time.monotonic())
+    handler.guide.playback.begin(handler.state.scene.way, 10.0)
+    handler.guide._scene = handler.state.scene_number
+    handler.guide.playback.go_on(time.monotonic())
+    handler.pages.keeper = Page()
+    return handler
+
+
+@pytest.mark.parametrize("ended_by", [messages.LetGo(), messages.TakeOver(), AIM, messages.Trigger(service="disable")])
+def test_the_guide_ends_when_any_page_does_something_else_with_hand_or_motor(shown, ended_by):
+    told(shown, ended_by, Page())
+    assert shown.guide.said["state"] == "off"
+    assert (shown.hand.goal is None) == isinstance(ended_by, messages.LetGo | messages.Trigger)
+
+
+@pytest.mark.parametrize("message", [AIM, SHOW])
+def test_a_page_that_may_not_lead_ends_nothing_and_is_not_the_one_that_is_listened_for(handler, message):
+    first, second = Page(), Page()
+    told(handler, AIM, first)
+    handler.guide.playback.begin(handler.state.scene.way, 10.0)
+    with pytest.raises(ValueError, match="another page leads the hand"):
+        told(handler, message, second)
+    assert handler.pages.keeper is first and handler.guide.said["state"] == "paused"
+
+
+@pytest.mark.parametrize("message", [AIM, SHOW, messages.TakeOver(), messages.StartScene(), messages.Mend(title="x")])
+def test_while_motor_and_hand_are_driven_the_next_waits_and_ends_nothing(handler, message):
+    keeper = handler.pages.keeper = Page()
+    with handler.alone("the nodes start"), pytest.raises(ValueError, match="^wait: the nodes start$"):
+        told(handler, message, Page())
+    assert handler.pages.keeper is keeper and handler.hand.goal is None
+
+
+def test_a_hand_that_no_page_leads_may_be_let_go_but_not_while_it_is_led_to_where_it_must_be(handler):
+    handler.aim({"x": 0.05})
+    with handler.alone("the hand goes to where the scene begins"):
+        told(handler, messages.LetGo(), Page())
+        assert handler.hand.goal == (0.05, 0.0, 0.0)
+    told(handler, messages.LetGo(), Page())
+    assert handler.hand.goal is None and handler.hand.loose
+
+
+def test_whether_the_motor_was_on_is_remembered_from_before_a_node_ended(handler):
+    said = {"state": "engaged", "fault": ""}
+    handler.state.said = lambda node, entry, otherwise="": said.get(entry, otherwise)
+    ended = Trouble("The device has ended", "", "", "", ("haptic_loopback",))
+    for trouble, state, drove in (
+        (None, "engaged", True),
+        (Trouble("Device does not answer", "", "", "", fault="device_silent"), "fault", True),
+        (ended, "fault", True),
+        (None, "idle", False),
+        (ended, "idle", False),
+        (None, "engaged", True),
+        (Trouble("Emergency stop", "", "", "", fault="estop"), "fault", False),
+    ):
+        handler.troubles.trouble, said["state"] = trouble, state
+        handler.lead(time.monotonic())
+        assert handler.drove is drove, trouble

@@ -4,7 +4,7 @@
 import { element } from "./element.js";
 
 export class Banner {
-  // press() is called by the button.
+  // press(title) is called by the button, with the title of what it shall mend.
   constructor(place, press) {
     this.place = place;
     this.title = element("h2", { id: "fault_title" });
@@ -17,7 +17,7 @@ export class Banner {
     place.append(words, this.button);
     this.button.addEventListener("click", () => {
       this.say("Please wait: it is being done.", true);
-      press();
+      press(this.title.textContent);
     });
   }
 

@@ -51,7 +51,7 @@ const tuning = new Tuning(byId("sliders"), set);
 const walls = new Walls(view, set);
 const dots = new WallDots(byId("wall_dots"), view, walls);
 const panels = new Panels(link);
-const fault = new Banner(byId("fault"), () => link.say({ do: "mend" }));
+const fault = new Banner(byId("fault"), (title) => link.say({ do: "mend", title }));
 const recording = new RecordingPanel(link);
 const tone = new Tone(byId("tone"));
 const task = new TaskCard(link, (name) => panels.ask("scene_answer", "loading", { do: "scene", name }));
