@@ -5,7 +5,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
-LONGEST = 4096  # bytes of a message
+LONGEST = 16384  # bytes of a message: all live values at once, with as many walls as there may be
 LARGEST = 2.0**53  # a number beyond it is none that a page means
 AXES = ("x", "y", "theta")
 TEXT = 200  # characters
