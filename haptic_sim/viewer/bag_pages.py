@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
+from haptic_device.os_errors import in_words
 from haptic_device.process import ending_with_us, own_environment, running_module
 
 FILES = {"report.html": "report", "film.html": "replay", "film.gif": "GIF"}
@@ -50,11 +51,14 @@ class BagPages:
         await asyncio.wait([making.task], timeout=SOON)
         if not making.task.done():
             return WAITING.format(what=FILES[file], seconds=time.monotonic() - making.since)
-        said = making.task.result()
-        if not (folder / file).is_file():
-            self._makings.pop(key, None)  # asked for again, it is tried again
-            raise ValueError(f"the {FILES[file]} could not be made: {said}")
-        return folder / file
+        try:
+            said = making.task.result()
+            if (folder / file).is_file():
+                return folder / file
+        except OSError as error:
+            said = in_words(error)
+        self._makings.pop(key, None)  # asked for again, it is tried again
+        raise ValueError(f"the {FILES[file]} could not be made: {said}")
 
     async def stop(self) -> None:
         """Ends what is being made."""

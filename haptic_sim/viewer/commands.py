@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Does what pages ask for. What goes wrong is a ValueError with a sentence for whoever asked."""
 
+import asyncio
 import contextlib
 import math
 import time
@@ -280,12 +281,12 @@ class CommandHandler:
         return ", ".join(f"{name} is {value}" for name, value in values.items())
 
     async def load(self, file: bytes) -> str:
-        """Sets what a parameter file asks for of the driver, all or nothing; names what differs and was not set.
-        Raises ValueError, one sentence."""
-        point = point_in(file, self.client.node.get_namespace(), await self.heard())
+        """Sets what a parameter file asks for of the driver, all or nothing; names what it changed, and what differs
+        and was not set. Raises ValueError, one sentence."""
+        namespace, running = self.client.node.get_namespace(), await self.heard()
+        point = await asyncio.to_thread(point_in, file, namespace, running)  # an e-stop does not wait for a long file
         await self._set_all(point.live)
-        waiting = f"; only a start of the nodes with this file sets {', '.join(point.waiting)}" if point.waiting else ""
-        return f"the file is loaded{waiting}"
+        return point.sentence
 
     def _mark(self, text):
         if not self._marks.get_subscription_count():

@@ -13,14 +13,24 @@ from haptic_sim.viewer import settings
 from haptic_sim.viewer.parameters import PARAMETERS
 
 LARGEST = 65536  # bytes of a file
+NAMED = 4  # changes that are told by name
 KNOWN = {**DEVICE_NODES, **settings.NODES, "haptic_relay": NETWORK_EMULATOR, "haptic_viewer": PARAMETERS}
 
 
 class Point(NamedTuple):
-    """What a file asks for: all live values of the driver, and the names of others that differ from what runs."""
+    """What a file asks for: all live values of the driver, the names of those that it changes, and the names of others
+    that differ from what runs."""
 
     live: dict
+    changed: list[str]
     waiting: list[str]
+
+    @property
+    def sentence(self) -> str:
+        """For whoever sent the file, once the live values are set."""
+        changed = f"it changed {_some(self.changed)}" if self.changed else "it changed nothing"
+        waiting = f"; only a start of the nodes with this file sets {', '.join(self.waiting)}" if self.waiting else ""
+        return f"the file is loaded: {changed}{waiting}"
 
 
 def point_in(file: bytes, namespace: str, running: dict[str, dict]) -> Point:
@@ -37,7 +47,13 @@ def point_in(file: bytes, namespace: str, running: dict[str, dict]) -> Point:
     live = defaults(settings.LIVE.values()) | {
         name: value for name, value in given[settings.DRIVER].items() if name in settings.LIVE
     }
-    return Point(live, list(dict.fromkeys(_waiting(given, running))))
+    now = running.get(settings.DRIVER, {})
+    changed = [name for name, value in live.items() if name in now and not _same(name, value, now[name])]
+    return Point(live, changed, list(dict.fromkeys(_waiting(given, running))))
+
+
+def _some(names):
+    return ", ".join(names[:NAMED]) + (f" and {len(names) - NAMED} more" if len(names) > NAMED else "")
 
 
 def _waiting(given, running):

@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 
 from haptic_device.message_fields import AXES
 
-LONGEST = 4096  # bytes of a message
+LONGEST = 16384  # bytes of a message: all live values at once, with as many walls as there may be
 LARGEST = 2.0**53  # a number beyond it is none that a page means
 TEXT = 200  # characters
 _SHOWN = 60  # characters of a value that a refusal repeats

@@ -2,6 +2,7 @@
 """What the page shows of recording: what the recorder does, the bags in its folder, and reports and replays of them."""
 
 import asyncio
+import itertools
 import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -102,7 +103,7 @@ class Recordings:
         for name in names:
             if name not in self._bags:
                 raise LookupError(f"there is no recording {name!r} in {self.folder}")
-        return await self.pages.page(file, [self._bags[name].path for name in names], "+".join(names))
+        return await self.pages.page(file, [self._bags[name].path for name in names], "/with/".join(names))
 
     def _hear_of(self, bag: Path, said_ns: int) -> None:
         if self.state != RECORDING and said_ns <= self._turned_ns:
@@ -128,18 +129,30 @@ class Recordings:
 
 
 def _bags_in(folder: Path, lengths: dict[tuple[Path, int], float | None]) -> list[Bag]:
+    """The newest bags, the newest first. One that cannot be read, or is deleted meanwhile, is left out."""
     try:
-        entries = [entry for entry in folder.iterdir() if not entry.is_symlink() and entry.is_dir()]
+        entries = list(folder.iterdir())
     except OSError:
         return []
-    found = [(entry, bag) for entry in entries if (bag := _bag_of(entry))]
-    found.sort(key=lambda pair: pair[1].stat().st_mtime, reverse=True)
-    return [_described(entry.name, bag, lengths) for entry, bag in found[:MOST]]
+    found = sorted(filter(None, (_readable(_bag_of, entry) for entry in entries)), reverse=True)
+    described = (_readable(_described, entry.name, bag, lengths) for _, entry, bag in found)
+    return list(itertools.islice(filter(None, described), MOST))
 
 
-def _bag_of(entry: Path) -> Path | None:
-    """The bag that an entry of the folder is, or has, as `haptic record` makes it; None if there is none."""
-    return next((bag for bag in (entry, entry / "bag") if bag.is_dir() and any(bag.glob("*.mcap"))), None)
+def _readable(look: Callable[..., Any], *given: Any) -> Any:
+    try:
+        return look(*given)
+    except OSError:
+        return None
+
+
+def _bag_of(entry: Path) -> tuple[float, Path, Path] | None:
+    """The bag that an entry of the folder is, or has, as `haptic record` makes it: when it was changed [s], the entry,
+    the bag. None if there is none."""
+    if entry.is_symlink():
+        return None
+    bags = (bag for bag in (entry, entry / "bag") if bag.is_dir() and any(bag.glob("*.mcap")))
+    return next(((bag.stat().st_mtime, entry, bag) for bag in bags), None)
 
 
 def _entry(bag: Path) -> Path:

@@ -21,8 +21,9 @@ LAP = 50  # messages between two turns of the event loop: those that wait alread
 MOST_BUSY = 32  # things that a page has asked for and that are not done
 MOST_ANSWERS = 64  # kept for a page that takes none; the oldest go
 ANSWER = "answer "  # kind of news, followed by a number: none takes another's place
-STOP = '"estop"'  # a message with this is always heard
-ALLOWED = Trigger(service="estop")  # of a page without control: nobody is refused a stop
+MOST_STOPS = 4  # that a page has asked for and that are not done; all further ones are one more
+STOP = Trigger(service="estop")  # no page is refused it, of whatever it has had enough
+STOPPING = '"estop"'  # is in every message that stops
 
 
 class Session:
@@ -35,6 +36,7 @@ class Session:
         self._news, self._frame, self._wake = {}, None, asyncio.Event()
         self._last_seen, self._hinted = time.monotonic(), -HINT_PERIOD
         self._busy: set[asyncio.Task] = set()
+        self._stops, self._stop_again = 0, False
         self._numbers = itertools.count()
 
     def tell(self, kind: str, content) -> None:
@@ -86,15 +88,15 @@ class Session:
                 await asyncio.sleep(0.0)
             if received.type is not WSMsgType.TEXT:
                 self._hint("a message is not text")
-            elif not rate.allows(time.monotonic()) and STOP not in received.data:
-                self._hint(f"more than {MOST_PER_SECOND} messages a second: some are ignored")
             else:
-                self._take(received.data)
+                self._take(received.data, not rate.allows(time.monotonic()))
 
-    def _take(self, text):
+    def _take(self, text, too_many):
         try:
-            message = parse(text)
-            if not self.control and not isinstance(message, Seen) and message != ALLOWED:
+            message = parse(text) if STOPPING in text or not too_many else None
+            if too_many and message != STOP:
+                raise ValueError(f"more than {MOST_PER_SECOND} messages a second: some are ignored")
+            if not self.control and not isinstance(message, Seen) and message != STOP:
                 raise ValueError("this page is view-only")
         except ValueError as refusal:
             self._hint(str(refusal))
@@ -102,12 +104,32 @@ class Session:
         if isinstance(message, Seen):
             self.seen, self._last_seen = min(self.sent, max(self.seen, message.frame)), time.monotonic()
             return
-        if len(self._busy) >= MOST_BUSY and STOP not in text:
+        if message == STOP:
+            self._stop()
+        elif len(self._busy) >= MOST_BUSY:
             self._hint(f"{MOST_BUSY} things are being done already: {message.do} is ignored")
-            return
-        task = asyncio.create_task(self._answer(message))
+        else:
+            self._begin(self._answer(message))
+
+    def _begin(self, work):
+        task = asyncio.create_task(work)
         self._busy.add(task)
         task.add_done_callback(self._busy.discard)
+        return task
+
+    def _stop(self):
+        """At once; beyond MOST_STOPS as soon as one of those is done, once for all that wait."""
+        if self._stops >= MOST_STOPS:
+            self._stop_again = True
+            return
+        self._stops += 1
+        self._begin(self._answer(STOP)).add_done_callback(self._stopped)
+
+    def _stopped(self, task):
+        self._stops -= 1
+        if self._stop_again and not task.cancelled():
+            self._stop_again = False
+            self._stop()
 
     async def _answer(self, message):
         try:

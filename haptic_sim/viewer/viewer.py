@@ -140,12 +140,19 @@ class Viewer:
 
     async def _poll(self):
         while True:
-            with contextlib.suppress(ValueError):
-                await self.commands.poll()
-            await self._ranges.follow(self.commands.device, self.commands.values.get(DRIVER, {}))
-            self.server.tell("values", self._tuning())
-            await self.recordings.scan()
+            try:
+                await self._look_closer()
+            except Exception as error:  # one look that fails is not the end of the next
+                self._node.get_logger().error(f"values could not be looked at: {type(error).__name__}: {error}")
             await asyncio.sleep(POLL_PERIOD)
+
+    async def _look_closer(self):
+        """Values, ranges and recordings: what changes seldom."""
+        with contextlib.suppress(ValueError):
+            await self.commands.poll()
+        await self._ranges.follow(self.commands.device, self.commands.values.get(DRIVER, {}))
+        self.server.tell("values", self._tuning())
+        await self.recordings.scan()
 
     async def _do(self, message, session):
         done = self.commands.do(message, session)

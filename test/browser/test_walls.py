@@ -342,7 +342,7 @@ def test_a_saved_point_is_loaded_into_the_live_driver_and_one_with_a_wrong_gain_
     tab.until_text("tuned_coupling_damping_answer", "^$")
     tab.page.focus("#scene")
     tab.page.set_input_files("#load_file", path)
-    tab.until_text("tuning_answer", "^saved.yaml: the file is loaded$")
+    tab.until_text("tuning_answer", "^saved.yaml: the file is loaded: it changed coupling.damping$")
     tab.until(f"document.querySelector('{field('tuned_coupling_damping')}').value === '{before}'")
     path.write_text("/**/haptic_driver:\n  ros__parameters: {coupling.stiffness: 90000.0, coupling.damping: 0.4}\n")
     tab.page.set_input_files("#load_file", path)

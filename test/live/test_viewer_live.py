@@ -85,6 +85,20 @@ def test_the_parameters_of_a_viewer_can_be_asked_for_while_it_serves(shown, ros_
     assert asyncio.run(asyncio.wait_for(live(shown[0]), LIMIT)) == {"rate": 60.0, "host": "127.0.0.1"}
 
 
+def test_a_look_at_the_values_that_fails_is_not_the_last(shown):
+    viewed, looks, over = shown[0], [], []
+
+    async def scan():
+        looks.append(len(looks))
+        if len(looks) == 3:
+            over.append(True)
+        raise OSError("the disk is gone")
+
+    viewed.recordings.scan = scan
+    asyncio.run(asyncio.wait_for(viewed.run(lambda: over), LIMIT))
+    assert looks == [0, 1, 2]
+
+
 def test_a_page_stops_a_driver_that_the_graph_never_shows(shown, monkeypatch):
     monkeypatch.setattr(rclpy.client.Client, "service_is_ready", lambda client: False)
     viewed, context = shown

@@ -17,6 +17,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from yarl import URL
 
+from haptic_device.controller_config import MOST_WALLS
 from haptic_device.yaml_reader import load as load_yaml
 from haptic_sim.config_problems import problems
 from haptic_sim.node.scene_publisher import CONTACT, state_names
@@ -248,6 +249,21 @@ def test_what_is_within_the_limits_is_taken_as_it_stands(text, message):
     assert messages.parse(text) == message
 
 
+def test_all_live_values_with_as_many_walls_as_there_may_be_are_one_message():
+    walls = {"wall.normals": 2, "wall.offsets": 1, "wall.stiffness": 1, "wall.damping": 1}
+    values = settings.live_of({one.name: one.default for one in settings.LIVE.values()})
+    values |= {name: [-1e3 / 3.0] * (MOST_WALLS * count) for name, count in walls.items()}
+    asked = json.dumps({"do": "set_all", "values": values})
+
+    async def visit(server, http):
+        async with opened(http, server) as socket:
+            await socket.send_str(asked)
+            return await hear(socket, "answer")
+
+    answer, done = served(visit)
+    assert answer["done"] and len(done[0].values["wall.normals"]) == 2 * MOST_WALLS
+
+
 @hypothesis_settings(max_examples=30)
 @given(st.text())
 def test_no_text_at_all_does_more_than_refuse(text):
@@ -387,6 +403,42 @@ def test_an_e_stop_waits_neither_for_the_excess_before_it_nor_for_what_comes_beh
         "other pages are served meanwhile"
     )
     assert turns[-1] > 10_000 - session.LAP
+
+
+def test_a_message_that_only_holds_the_word_estop_is_counted_like_any_other(no_time_passes):
+    aim = '{"do": "aim", "x": 0.1, "estop": "estop"}'
+
+    async def visit(server, http):
+        async with opened(http, server) as socket:
+            for _ in range(2 * session.BURST):
+                await socket.send_str(aim)
+            await socket.send_str(STOP.model_dump_json())
+            return await hear(socket, "answer")
+
+    answer, done = served(visit)
+    assert answer["done"] and 0 < done.count(messages.Aim(x=0.1)) <= session.BURST and done[-1] == STOP
+
+
+@pytest.mark.parametrize("control", (True, False))
+def test_a_flood_of_stops_has_few_under_way_and_one_more_when_those_are_done(no_time_passes, control):
+    begun, answers = [], asyncio.Queue()
+
+    async def do(message, page):
+        begun.append(message)
+        return await answers.get()
+
+    async def live():
+        flood = Full([STOP.model_dump_json()] * 5000)
+        await session.Session(flood, control, do).serve()
+        await asyncio.sleep(0.0)
+        held = len(begun)
+        for _ in range(10 * held):
+            answers.put_nowait("stopped")
+            await asyncio.sleep(0.0)
+        return held
+
+    assert asyncio.run(live()) == session.MOST_STOPS
+    assert begun == [STOP] * (session.MOST_STOPS + 1)
 
 
 def test_what_goes_wrong_is_the_answer():

@@ -3,6 +3,7 @@
 
 import asyncio
 import os
+import sys
 import time
 
 import aiohttp
@@ -106,6 +107,21 @@ def test_bags_of_the_folder_are_listed_the_newest_first(news, tmp_path):
     assert bags[1]["seconds"] is None and bags[2]["seconds"] == pytest.approx(0.1, abs=0.01) and bags[0]["size"] > 0
 
 
+def test_an_entry_that_cannot_be_read_is_left_out_and_the_others_are_listed(news, tmp_path):
+    folder = tmp_path / "haptic_bags"
+    whole = write_run(folder / "whole", swing(80))
+    (write_run(folder / "unreadable", swing(80)) / "metadata.yaml").unlink()
+    (folder / "unreadable" / "metadata.yaml").mkdir()
+    (folder / "dangling").mkdir()
+    (folder / "dangling" / "far_0.mcap").symlink_to(folder / "nowhere.mcap")
+    asyncio.run(news.scan())
+    assert [bag["name"] for bag in news.news()["bags"]] == ["whole"]
+    (folder / "dangling" / "far_0.mcap").unlink()
+    (folder / "dangling" / "far_0.mcap").symlink_to(next(whole.glob("*.mcap")))
+    asyncio.run(news.scan())
+    assert {bag["name"] for bag in news.news()["bags"]} == {"whole", "dangling"}
+
+
 def served(recordings, visit):
     async def live():
         server = Server("127.0.0.1", 0, lambda page: None, None, recorded=recordings.page)
@@ -196,6 +212,49 @@ def test_what_cannot_be_made_is_said_in_a_sentence_and_tried_again(news, tmp_pat
     (status, _, text), again = served(news, visit)
     assert status == 503 and text.startswith("the replay could not be made: ") and len(text.splitlines()) == 1
     assert again[0] == 200 and "Making the replay" in again[2]
+
+
+def test_a_page_whose_place_is_taken_or_whose_program_is_missing_is_refused_in_a_sentence_and_tried_again(
+    tmp_path, monkeypatch
+):
+    bag = film_bag(tmp_path / "one", rows_of(1000))
+    (tmp_path / "pages" / "one" / "report.html").mkdir(parents=True)
+
+    async def run():
+        pages = BagPages(tmp_path / "pages")
+        try:
+            with pytest.raises(ValueError, match=r"the report could not be made: .*report\.html"):
+                await pages.page("report.html", [bag], "one")
+            (tmp_path / "pages" / "one" / "report.html").rmdir()
+            with monkeypatch.context() as without:
+                without.setattr(sys, "executable", str(tmp_path / "gone"))
+                with pytest.raises(ValueError, match="the report could not be made: .*gone"):
+                    await pages.page("report.html", [bag], "one")
+            assert "Making the report" in await pages.page("report.html", [bag], "one")
+        finally:
+            await pages.stop()
+
+    asyncio.run(run())
+
+
+def test_two_recordings_have_a_page_that_no_recording_of_another_name_shares(news, tmp_path, monkeypatch):
+    asked = []
+
+    async def noted(file, bags, name):
+        asked.append(name)
+        return "made"
+
+    monkeypatch.setattr(news.pages, "page", noted)
+    for name in ("a", "b", "a+b"):
+        write_run(tmp_path / "haptic_bags" / name, swing(80))
+
+    async def run():
+        await news.scan()
+        for names in (["a", "b"], ["a+b"], ["a"], ["b", "a"]):
+            await news.page("film.html", names)
+
+    asyncio.run(run())
+    assert len({tmp_path / name for name in asked}) == 4
 
 
 def test_four_pages_are_waited_for_and_a_fifth_is_refused(tmp_path):

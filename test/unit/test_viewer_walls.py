@@ -144,6 +144,10 @@ def test_a_saved_point_is_loaded_as_it_was_and_what_waits_for_a_start_is_named()
     text = settings.operating_point("/haptic", {"haptic_driver": values, "haptic_simulation": {"scene": "wall"}})
     point = point_in(text.encode(), "/haptic", RUNNING)
     assert point.live == settings.live_of(values) and point.waiting == ["servo.rate", "scene"]
+    assert point.sentence == (
+        "the file is loaded: it changed coupling.stiffness, wall.normals, wall.offsets, wall.stiffness and 1 more; "
+        "only a start of the nodes with this file sets servo.rate, scene"
+    )
 
 
 def test_what_a_file_does_not_name_has_its_default_and_a_scene_by_its_path_is_the_same_scene():
@@ -153,6 +157,11 @@ def test_what_a_file_does_not_name_has_its_default_and_a_scene_by_its_path_is_th
         point_in(b"/**:\n  ros__parameters: {coupling.dampin: 0.5}\n", "/haptic", RUNNING)
     point = point_in(file, "/haptic", RUNNING | {"haptic_driver": driver(coupling__stiffness=2.0)})
     assert point.live == settings.live_of(driver(coupling__damping=0.5)) and point.waiting == []
+    assert point.sentence == "the file is loaded: it changed coupling.stiffness, coupling.damping"
+    point = point_in(file, "/haptic", RUNNING | {"haptic_driver": driver(coupling__damping=0.5, clutch__open=True)})
+    assert point.sentence == "the file is loaded: it changed clutch.open"
+    point = point_in(file, "/haptic", RUNNING | {"haptic_driver": driver(coupling__damping=0.5)})
+    assert point.sentence == "the file is loaded: it changed nothing"
 
 
 @pytest.mark.parametrize(
