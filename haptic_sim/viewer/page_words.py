@@ -10,6 +10,7 @@ SAID = (
     (r"call ~/disable and ~/enable", "press Disable, then Engage"),
     (r"~/enable to go on", "press Engage to go on"),
     (r"call ~/reset first", PRESS),
+    (r"e-stop latched, motor zero", "stopped: the motor is off"),
     (r"set clutch\.open to false", "close the clutch: clutch.open under Expert"),
 )
 LATCHED, AGAIN = (

@@ -25,8 +25,9 @@ def unfelt(state: State, frame: dict, known: bool) -> dict:
     first = next((cause for cause in TABLE if cause.name in causes), None)
     words = NOT_FELT if set(causes) & NOT_HELD else LESS
     if first is None or first.name not in LEADING:
-        said = in_page_words(f"{first.cause}. {first.cure}" if first else causes[0])
-        return {"words": words, "todo": f"{words.capitalize()}: {said}."}
+        said, cure = map(in_page_words, (first.cause, first.cure) if first else (causes[0], ""))
+        todo = f" {cure[0].upper()}{cure[1:]}." if cure else ""
+        return {"words": words, "todo": f"{words.capitalize()}: {said}.{todo}"}
     return {"words": words, "todo": f"{words.capitalize()}. {_lead(state, frame)}"}
 
 

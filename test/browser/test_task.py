@@ -4,7 +4,7 @@
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from conftest import PATIENCE, Tab
-from page_stage import Stage
+from page_stage import VALUES, Stage
 from waiting import until
 
 from haptic_device.config_files import names
@@ -107,8 +107,7 @@ def test_the_chooser_has_the_tasks_first_by_their_titles_and_the_rest_as_test_ca
     assert first == WITH_TASKS and first[0] == "peg_in_hole" and sorted(first + rest) == sorted(names("scenes"))
     assert page.page.text_content("#scene_name > option") == load("peg_in_hole").task.title
     for name in ("maze", "incline"):
-        stage.tell("values", {"values": {"haptic_simulation": {"scene": name, "method": "auto"}}, "offer": {},
-                              "walls": [], "workspace": None, "damping": []})  # fmt: skip
+        stage.tell("values", VALUES | {"values": {"haptic_simulation": {"scene": name, "method": "auto"}}})
         page.until(f"document.getElementById('scene_name').value === {name!r}")
     page.page.select_option("#scene_name", "maze")
     asked(stage, {"do": "scene", "name": "maze"})

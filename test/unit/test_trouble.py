@@ -147,6 +147,7 @@ def test_the_terminal_is_told_of_each_trouble_once_when_its_number_is_known(cloc
             "Handle outside the workspace: its cause is still there. "
             "Lead the handle back into the workspace, then press Reset and engage.",
         ),
+        ("e-stop latched, motor zero", "stopped: the motor is off"),
         ("fault cleared; ~/enable to go on", "fault cleared; press Engage to go on"),
         ("haptic_driver offers no ~/enable in /haptic; does it run in this domain?", "The driver does not run here."),
         ("haptic_simulation did not answer ~/load_scene within 180 s", "The simulation did not answer within 180 s."),
@@ -162,6 +163,7 @@ def test_force_that_is_withheld_is_told_without_a_service(clock, cause):
     viewed = Viewed(clock).hear(DRIVER, withheld=cause.name, state="engaged").hear(SIMULATION)
     told = unfelt(viewed, FRAME, True)
     assert told["words"] in ("tool not felt", "less force") and told["todo"] and "~/" not in told["todo"]
+    assert all(words[0].isupper() for words in told["todo"].split(". ")), "sentences"
 
 
 def test_what_the_hand_must_do_has_the_way_to_go_and_depends_on_whose_hand_it_is(clock):

@@ -26,7 +26,7 @@ const WORDS = [
   ["figure:has(#strip_energy)", "Energy", "Work given to the hand and to the tool since the start. Up: given; down: taken back.", EXPERT],
   ["figure:has(#strip_age)", "Age of the tool sample", "How old the tool's place is when the motor uses it. Old news makes the feel softer.", EXPERT],
   ["#scene_name", "Scene", "The tool and what it works on. Another one begins at its start."],
-  ["#start_scene", "Back to the start", "Puts tool and hand back to where the scene begins."],
+  ["#start_scene", "Back to the start", "Puts tool and hand back to where the scene begins. It clears a fault, too, and turns the force on again."],
   ["#method_name", "Method", "How the computer works out the motion. Auto takes the best one for the scene.", EXPERT],
   ["#undo, #redo", "Undo, redo", "Takes back the last change of settings, or makes it again."],
   ["#defaults", "Defaults", "Puts all settings back to those at the start, in one step."],

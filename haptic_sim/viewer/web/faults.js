@@ -11,9 +11,10 @@ export class Banner {
     this.cause = element("p", { id: "fault_cause" });
     this.first = element("p", { id: "fault_first" });
     this.button = element("button", { id: "fault_button", type: "button" });
+    this.elsewhere = element("p", { id: "fault_elsewhere" }); // on a page that has no button
     this.answer = element("p", { id: "fault_answer" });
     const words = element("div", { className: "words" });
-    words.append(this.title, this.cause, this.first, this.answer);
+    words.append(this.title, this.cause, this.first, this.elsewhere, this.answer);
     place.append(words, this.button);
     this.button.addEventListener("click", () => {
       this.say("Please wait: it is being done.", true);
@@ -31,6 +32,7 @@ export class Banner {
     put(this.title, trouble?.title ?? "");
     put(this.cause, trouble?.cause ?? "");
     put(this.first, trouble?.first ?? "");
+    put(this.elsewhere, trouble?.button ? `Whoever leads presses "${trouble.button}" on their page.` : "");
     put(this.button, trouble?.button ?? "");
     this.button.hidden = !trouble?.button;
   }

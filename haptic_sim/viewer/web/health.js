@@ -13,6 +13,7 @@ const FIGURES = [
   ["exchange", "", (d) => d.exchange_method],
   ["samples answered", "", (d) => `${d.exchange_answered} of ${d.exchange_sent}`],
 ];
+const NOBODY = "Please wait: no node is heard of yet. If that stays so, start the nodes in a terminal.";
 
 export function driverOf(status) {
   return status?.nodes.haptic_driver ?? null;
@@ -57,8 +58,8 @@ function put(place, text) {
 function showProblem(status) {
   const banner = document.getElementById("banner");
   if (document.body.classList.contains("lost")) return;
-  const silent = Object.keys(status.nodes).length === 0 && !status.trouble ? "No node is heard of; start them, or wait." : "";
-  banner.textContent = status.problem || silent;
+  const silent = Object.keys(status.nodes).length === 0 && !status.trouble ? NOBODY : "";
+  put(banner, status.problem || silent);
   banner.hidden = !banner.textContent;
 }
 

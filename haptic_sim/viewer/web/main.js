@@ -108,7 +108,7 @@ function showScene(scene) {
 function welcome(news) {
   control = news.control;
   document.body.classList.toggle("looking", !control);
-  if (!control) byId("keys").textContent = "This page is view-only. Esc: e-stop.";
+  if (!control) byId("about").dataset.otherwise = byId("keys").textContent = "This page is view-only. Esc: e-stop.";
   for (const part of [gains, tuning, walls]) part.build(news.declarations);
   panels.welcome(news);
   task.welcome(news);

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where things stand on the page, at a desk, on a phone and for who only looks on; the page has no nodes."""
+
+import pytest
+from conftest import Tab
+from page_stage import STATUS, Stage
+
+DESK, PHONE = {"width": 1280, "height": 720}, {"width": 390, "height": 844, "has_touch": True, "is_mobile": True}
+STOPPED = {"title": "Emergency stop", "cause": "A person pressed stop.", "first": "", "button": "Reset and engage"}
+LESS = {"words": "less force", "todo": "Less force: more force is wanted than the motor holds. Push less."}
+ENGAGED = {"haptic_driver": {"level": 0, "message": "", "values": {"state": "engaged", "fault": ""}}}
+
+
+@pytest.fixture(scope="module")
+def stage():
+    stage = Stage(["peg_in_hole"])
+    yield stage
+    stage.close()
+
+
+def opened(chromium, stage, size, control=True):
+    """A page that shows a scene."""
+    tab = Tab(chromium, expert=False, **size)
+    tab.page.goto(stage.server.address(control))
+    tab.until(f"document.body.classList.contains('looking') === {str(not control).lower()}")
+    stage.scene("peg_in_hole")
+    tab.until("document.getElementById('task_title').textContent === 'Put the peg into its hole'")
+    return tab
+
+
+def rows(tab):
+    """The buttons on the plane that are seen: left edges by the upper edge of their row [CSS pixels]."""
+    boxes = [one.bounding_box() for one in tab.page.query_selector_all("#tools button") if one.is_visible()]
+    return {round(box["y"]): [one["x"] for one in boxes if round(one["y"]) == round(box["y"])] for box in boxes}
+
+
+@pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
+@pytest.mark.parametrize("control", [True, False], ids=["leading", "looking on"])
+def test_the_buttons_on_the_plane_stand_in_two_rows(chromium, stage, size, control):
+    tab = opened(chromium, stage, size, control)
+    assert len(rows(tab)) == 2
+    assert all(lefts == sorted(lefts) for lefts in rows(tab).values()), "in the order of the tab key"
+    tab.page.close()
+
+
+def test_a_lack_of_force_does_not_move_the_plane_under_the_finger(chromium, stage):
+    tab = opened(chromium, stage, PHONE)
+    stage.tell("status", STATUS | {"nodes": ENGAGED})
+    tab.until_text("state", "^engaged$")
+    before = tab.page.locator("#scene").bounding_box()
+    stage.tell("status", STATUS | {"nodes": ENGAGED, "unfelt": LESS})
+    tab.until("!document.getElementById('withheld').hidden")
+    tab.until_text("state", "less force")
+    assert tab.page.locator("#scene").bounding_box() == before
+    tab.page.close()
+
+
+@pytest.mark.parametrize("looking", [True, False])
+def test_who_only_looks_on_reads_who_may_press_and_others_have_the_button(chromium, stage, looking):
+    tab = opened(chromium, stage, DESK, not looking)
+    stage.tell("status", STATUS | {"trouble": STOPPED})
+    tab.until_text("fault_title", "^Emergency stop$")
+    assert tab.page.is_visible("#fault_elsewhere") == looking and tab.page.is_visible("#fault_button") != looking
+    assert '"Reset and engage"' in tab.text("fault_elsewhere")
+    tab.page.close()
