@@ -192,11 +192,7 @@ def live(tab):
     return tab
 
 
-DRIVER, LOOPBACK, SIMULATION = (
-    "haptic_device.nodes.driver",
-    "haptic_device.nodes.loopback",
-    "haptic_sim.node.simulation",
-)
+LOOPBACK, SIMULATION = "haptic_device.nodes.loopback", "haptic_sim.node.simulation"
 
 
 def test_the_e_stop_is_told_and_one_press_goes_on(live):
@@ -230,10 +226,9 @@ def test_a_handle_led_out_of_the_workspace_is_led_back_by_the_button(live, ros_d
     ("module", "ended", "who"),
     [
         (SIMULATION, signal.SIGKILL, "simulation"),
-        (DRIVER, signal.SIGKILL, "driver"),
         (LOOPBACK, signal.SIGSTOP, "device"),
     ],
-    ids=("killed simulation", "killed driver", "stopped device"),
+    ids=("killed simulation", "stopped device"),
 )
 def test_a_node_that_ended_or_is_silent_is_told_and_started_again_by_the_button(system, live, module, ended, who):
     tab = live

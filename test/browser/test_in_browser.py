@@ -12,8 +12,6 @@ import psutil
 import pytest
 from conftest import PATIENCE, Cable, Tab
 
-from haptic_sim.config_problems import problems
-
 pytestmark = pytest.mark.timeout(600)
 
 
@@ -213,17 +211,6 @@ def test_the_wheel_turns_the_hand_by_a_degree_a_notch_and_moves_it_nowhere(tab, 
         )
 
 
-def test_gains_beyond_the_damping_are_refused_with_the_drivers_sentence(tab):
-    number = tab.page.locator("#tuned_coupling_stiffness + input")
-    number.fill("90000")
-    tab.page.wait_for_timeout(1500.0)  # values come each second, and leave alone what is being typed
-    number.press("Enter")
-    tab.until_text("tuned_coupling_stiffness_answer", "needs b > .* the device has")
-    tab.page.locator("#tuned_coupling_stiffness_answer").scroll_into_view_if_needed()
-    tab.shot("refused")
-    tab.until("document.querySelector('#tuned_coupling_stiffness + input').value == '1200'")
-
-
 def test_a_slider_changes_the_gain_of_the_driver(tab):
     slider = tab.page.locator("#tuned_coupling_damping")
     before = tab.page.locator("#tuned_coupling_damping + input").input_value()
@@ -236,26 +223,6 @@ def test_a_slider_changes_the_gain_of_the_driver(tab):
     number = tab.page.locator("#tuned_coupling_damping + input")
     number.fill(before)
     number.press("Enter")
-
-
-def test_the_slider_of_a_wall_changes_that_wall_alone_and_walls_are_shown(tab, listener):
-    below_and_left = {"normals": [0.0, 1.0, 1.0, 0.0], "offsets": [-0.055, -0.1]}
-    listener.set_walls(**below_and_left, stiffness=[100.0, 50.0], damping=[0.0, 0.0])
-    tab.until("document.getElementById('wall_2_stiffness')")
-    numbers = "[1, 2].map((i) => document.querySelector(`#wall_${i}_stiffness + input`).value)"
-    tab.until(f"{numbers}.join() === '100,50'")
-    second = tab.page.locator("#wall_2_stiffness + input")
-    second.fill("20")
-    second.press("Enter")
-    tab.page.focus("#scene")
-    tab.page.wait_for_timeout(2500.0)  # what the driver has comes each second
-    assert tab.page.evaluate(numbers) == ["100", "20"] and tab.text("wall_2_answer") == ""
-    tab.page.locator("#wall_1_stiffness").scroll_into_view_if_needed()
-    tab.shot("walls")
-    groups, frames = listener.marked()
-    assert groups >= {"bodies", "walls", "workspace", "target", "handle", "coupling"} and frames == {"haptic_map"}
-    listener.set_walls(normals=[], offsets=[], stiffness=[], damping=[])
-    tab.until("document.querySelectorAll('.wall').length === 0")
 
 
 def test_another_scene_and_method_are_loaded_and_an_impossible_one_is_refused(tab):
@@ -326,14 +293,13 @@ def test_a_simulation_that_is_killed_and_started_by_somebody_else_is_shown_again
     tab.until_text("state", "^engaged$")
 
 
-def gain(tab, name, value):
-    """Gives the driver another gain, until the page has it back from there."""
-    number = tab.page.locator(f"#tuned_{name} + input")
+def stiffen(tab, value, differs):
+    """Gives the driver this coupling.stiffness, until the page has it from there; differs: from what it began with."""
+    number = tab.page.locator("#tuned_coupling_stiffness + input")
     number.fill(value)
     number.press("Enter")
     tab.page.focus("#scene")
-    tab.until(f"document.querySelector('#tuned_{name} + input').value === '{value}'")
-    tab.page.wait_for_timeout(1500.0)  # values come each second
+    tab.until(f"document.getElementById('defaults').disabled === {'false' if differs else 'true'}")
     assert number.input_value() == value
 
 
@@ -347,25 +313,16 @@ def delay(tab, milliseconds):
 
 
 def test_nodes_that_start_again_with_a_delay_are_found_again_and_lose_nothing(tab):
-    tab.choose("scene_name", "wrench_on_nut", "scene is wrench_on_nut")
-    gain(tab, "coupling_stiffness", "900")
     delay(tab, 25)
     tab.until("Number(/age p50 . p99([0-9.]+)/.exec(document.getElementById('figures').textContent)?.[1]) > 15")
+    tab.choose("scene_name", "wrench_on_nut", "scene is wrench_on_nut")
+    stiffen(tab, "900", differs=True)
+    delay(tab, 0)
     tab.until("document.getElementById('result_turned')")
     assert tab.page.input_value("#scene_name") == "wrench_on_nut"
     assert tab.page.input_value("#tuned_coupling_stiffness + input") == "900"
-    delay(tab, 0)
-    gain(tab, "coupling_stiffness", "1200")
+    stiffen(tab, "1200", differs=False)
     tab.choose("scene_name", "peg_in_hole", "scene is peg_in_hole")
-
-
-def test_the_operating_point_is_saved_as_a_file_that_the_check_takes(tab, tmp_path):
-    with tab.page.expect_download() as download:
-        tab.page.click("#save")
-    path = tmp_path / "saved.yaml"
-    download.value.save_as(path)
-    assert "stiffness: 1200.0" in path.read_text()
-    assert list(problems(path)) == []
 
 
 def test_a_finger_on_a_phone_leads_the_hand(system, chromium, listener):

@@ -9,6 +9,7 @@ from conftest import PATIENCE, Tab
 from made_up_viewer import VALUES, MadeUpViewer
 
 from haptic_device.parameter_types import defaults
+from haptic_sim.config_problems import problems
 from haptic_sim.viewer import messages, settings
 
 pytestmark = pytest.mark.timeout(600)
@@ -207,6 +208,15 @@ def test_a_field_takes_what_is_legal_beyond_what_can_be_felt(page, stage):
     until(page, lambda: stage.driver["coupling.stiffness"] == 80000)
 
 
+def test_what_is_being_typed_is_left_alone_by_values_that_come(page, stage):
+    page.page.fill(field("gain_coupling_stiffness"), "750")
+    stage.tell(coupling__damping=1.5)
+    page.until(f"document.querySelector('{field('gain_coupling_damping')}').value === '1.5'")
+    assert page.page.input_value(field("gain_coupling_stiffness")) == "750"
+    page.page.press(field("gain_coupling_stiffness"), "Enter")
+    until(page, lambda: stage.driver[NAME] == 750)
+
+
 def test_a_refused_gain_is_no_longer_blamed_once_it_is_edited_or_anything_has_changed(page, stage):
     for again in (lambda: page.page.fill(field("gain_coupling_stiffness"), "90"), lambda: stage.tell(force__limit=9.0)):
         stage.refusal = "coupling.stiffness 90000 N/m needs b > 14"
@@ -314,6 +324,8 @@ def test_a_wall_that_is_moved_into_the_live_hand_is_no_fault(tab, listener):
     tab.until("document.querySelectorAll('.wall').length === 1")
     listener.later()
     assert tab.text("state") == "engaged"
+    groups, frames = listener.marked()
+    assert groups >= {"bodies", "walls", "workspace", "target", "handle", "coupling"} and frames == {"haptic_map"}
     tab.page.click("#wall_1_remove")
     tab.until("document.querySelectorAll('.wall').length === 0")
     assert tab.text("state") == "engaged" and tab.text("walls_answer") == ""
@@ -337,6 +349,7 @@ def test_a_saved_point_is_loaded_into_the_live_driver_and_one_with_a_wrong_gain_
         tab.page.click("#save")
     path = tmp_path / "saved.yaml"
     download.value.save_as(path)
+    assert list(problems(path)) == []
     before = tab.page.input_value(field("tuned_coupling_damping"))
     put(tab, "tuned_coupling_damping", 0.5)
     tab.until_text("tuned_coupling_damping_answer", "^$")
