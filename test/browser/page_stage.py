@@ -14,6 +14,7 @@ OFF = {"state": "off", "share": 0.0, "slow": False}
 STATUS = {"nodes": {}, "problem": "", "viewer": {"cpu": 0.0, "pages": 1, "sent": 0}, "guide": OFF}
 PERIOD = 0.02  # s between two frames
 WORKSPACE = ((-0.12, 0.12), (-0.12, 0.16), (-12.0, 12.0))
+VALUES = {"values": {}, "offer": {}, "began": {}, "passive": {}, "workspace": WORKSPACE, "damping": []}
 
 
 class Stage:
@@ -75,7 +76,7 @@ class Stage:
     def _welcome(self, session):
         hello = {"control": True, "declarations": [], "scenes": self.scenes, "tasks": tasks(), "methods": ["auto"]}
         session.tell("hello", hello | {"looking": ""})
-        session.tell("values", {"values": {}, "offer": {}, "walls": [], "workspace": WORKSPACE, "damping": []})
+        session.tell("values", VALUES)
         session.tell("status", STATUS)
 
     async def _do(self, message, session):

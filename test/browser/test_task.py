@@ -4,7 +4,7 @@
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from conftest import PATIENCE, Tab
-from page_stage import Stage
+from page_stage import STATUS, VALUES, Stage
 from waiting import until
 
 from haptic_device.config_files import names
@@ -107,8 +107,7 @@ def test_the_chooser_has_the_tasks_first_by_their_titles_and_the_rest_as_test_ca
     assert first == WITH_TASKS and first[0] == "peg_in_hole" and sorted(first + rest) == sorted(names("scenes"))
     assert page.page.text_content("#scene_name > option") == load("peg_in_hole").task.title
     for name in ("maze", "incline"):
-        stage.tell("values", {"values": {"haptic_simulation": {"scene": name, "method": "auto"}}, "offer": {},
-                              "walls": [], "workspace": None, "damping": []})  # fmt: skip
+        stage.tell("values", VALUES | {"values": {"haptic_simulation": {"scene": name, "method": "auto"}}})
         page.until(f"document.getElementById('scene_name').value === {name!r}")
     page.page.select_option("#scene_name", "maze")
     asked(stage, {"do": "scene", "name": "maze"})
@@ -204,6 +203,16 @@ def test_the_view_moves_with_the_right_button_shift_and_buttons_and_zooms_about_
     page.page.keyboard.up("Control")
     differs()
     assert len(stage.asked) == hand, "the hand was not led"
+
+
+def test_the_banners_button_says_which_trouble_it_mends(page, stage):
+    trouble = {"title": "Handle too fast", "cause": "c.", "first": "f.", "button": "Reset and engage"}
+    stage.tell("status", STATUS | {"trouble": trouble})
+    page.until_text("fault_title", "^Handle too fast$")
+    page.page.click("#fault_button")
+    asked(stage, {"do": "mend", "title": "Handle too fast"})
+    stage.tell("status", STATUS)
+    page.until("document.getElementById('fault').hidden")
 
 
 def test_two_fingers_move_the_view_and_the_hand_lets_go(page, stage):
