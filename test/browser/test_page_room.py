@@ -3,7 +3,7 @@
 
 import pytest
 from conftest import Tab
-from page_stage import STATUS, Stage
+from made_up_viewer import STATUS, MadeUpViewer
 
 DESK, PHONE = {"width": 1280, "height": 720}, {"width": 390, "height": 844, "has_touch": True, "is_mobile": True}
 STOPPED = {"title": "Emergency stop", "cause": "A person pressed stop.", "first": "", "button": "Reset and engage"}
@@ -13,7 +13,7 @@ ENGAGED = {"haptic_driver": {"level": 0, "message": "", "values": {"state": "eng
 
 @pytest.fixture(scope="module")
 def stage():
-    stage = Stage(["peg_in_hole"])
+    stage = MadeUpViewer()
     yield stage
     stage.close()
 
@@ -21,9 +21,9 @@ def stage():
 def opened(chromium, stage, size, control=True):
     """A page that shows a scene."""
     tab = Tab(chromium, expert=False, **size)
-    tab.page.goto(stage.server.address(control))
+    tab.page.goto(stage.address if control else stage.looking)
     tab.until(f"document.body.classList.contains('looking') === {str(not control).lower()}")
-    stage.scene("peg_in_hole")
+    stage.show_scene("peg_in_hole")
     tab.until("document.getElementById('task_title').textContent === 'Put the peg into its hole'")
     return tab
 

@@ -2,9 +2,8 @@
 """The task card, the chooser, the view: a real Chromium before a page whose news are made up."""
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
 from conftest import PATIENCE, Tab
-from page_stage import VALUES, Stage
+from made_up_viewer import HELLO, STATUS, VALUES, MadeUpViewer
 from waiting import until
 
 from haptic_device.config_files import names
@@ -13,12 +12,13 @@ from haptic_sim.scene.language import load
 from haptic_sim.viewer.tasks import tasks
 
 pytestmark = pytest.mark.timeout(300)
+OFF = {"state": "off", "share": 0.0, "slow": False}
 WITH_TASKS = [task["name"] for task in tasks()]
 
 
 @pytest.fixture(scope="module")
 def stage():
-    stage = Stage(names("scenes"))
+    stage = MadeUpViewer(hello=HELLO | {"scenes": names("scenes"), "tasks": tasks()})
     yield stage
     stage.close()
 
@@ -34,7 +34,7 @@ def page(chromium, stage):
 
 
 def set_scene(page, stage, name, **frame):
-    stage.scene(name, **frame)
+    stage.show_scene(name, **frame)
     page.until(f"document.getElementById('task_title').textContent === {(load(name).task or NONE).title!r}")
 
 
@@ -44,6 +44,11 @@ class NONE:
 
 def width(page):
     return page.page.evaluate("document.querySelector('#progress i').style.width")
+
+
+def guide(stage, **changes):
+    """What the viewer says of the guide."""
+    stage.tell("status", STATUS | {"guide": OFF | changes})
 
 
 def asked(stage, message):
@@ -119,7 +124,7 @@ def test_the_guide_plays_pauses_steps_and_slows_and_is_hidden_where_no_hand_can_
     for button, act in (("play", "play"), ("step", "step"), ("slow", "slow")):
         page.page.click(f"#guide_{button}")
         asked(stage, {"do": "guide", "act": act})
-    stage.guide(state="playing", slow=True)
+    guide(stage, state="playing", slow=True)
     page.until_text("guide_play", "^Pause$")
     assert page.page.get_attribute("#guide_slow", "aria-pressed") == "true"
     assert "physics" in page.page.get_attribute("#guide_slow", "title")
@@ -127,9 +132,9 @@ def test_the_guide_plays_pauses_steps_and_slows_and_is_hidden_where_no_hand_can_
     asked(stage, {"do": "guide", "act": "pause"})
     page.page.click("#guide_slow")
     asked(stage, {"do": "guide", "act": "fast"})
-    stage.guide(state="paused")
+    guide(stage, state="paused")
     page.until_text("guide_play", "^Go on$")
-    stage.guide()
+    guide(stage)
     page.until_text("guide_play", "^Show me$")
     stage.show(target=None)
     page.until("document.getElementById('guide').hidden")
@@ -205,6 +210,16 @@ def test_the_view_moves_with_the_right_button_shift_and_buttons_and_zooms_about_
     assert len(stage.asked) == hand, "the hand was not led"
 
 
+def test_the_banners_button_says_which_trouble_it_mends(page, stage):
+    trouble = {"title": "Handle too fast", "cause": "c.", "first": "f.", "button": "Reset and engage"}
+    stage.tell("status", STATUS | {"trouble": trouble})
+    page.until_text("fault_title", "^Handle too fast$")
+    page.page.click("#fault_button")
+    asked(stage, {"do": "mend", "title": "Handle too fast"})
+    stage.tell("status", STATUS)
+    page.until("document.getElementById('fault').hidden")
+
+
 def test_two_fingers_move_the_view_and_the_hand_lets_go(page, stage):
     set_scene(page, stage, "peg_in_hole")
     touch = page.page.context.new_cdp_session(page.page)
@@ -237,8 +252,7 @@ def test_the_card_has_no_serious_findings_in_light_and_dark_and_its_targets_are_
     page.page.click("#legend summary")
     for theme in ("light", "dark"):
         page.page.evaluate(f"document.documentElement.dataset.theme = {theme!r}")
-        found = Axe().run(page.page).response["violations"]
-        assert [rule["id"] for rule in found if rule["impact"] in ("serious", "critical")] == []
+        assert page.harm() == []
         page.shot(f"task_{theme}")
     small = page.page.evaluate(
         "[...document.querySelectorAll('#task button, #tools button, #task summary')]"

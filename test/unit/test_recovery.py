@@ -169,6 +169,19 @@ def test_a_fault_that_came_meanwhile_is_not_cleared():
     assert "reset" not in display.done
 
 
+def test_a_display_that_has_a_fault_as_soon_as_it_is_enabled_keeps_it_and_the_hand_goes_nowhere():
+    display, order = Display(engages=2), Display.order
+
+    async def falls(service):
+        await order(display, service)
+        display.fault = "velocity" if service == "enable" else display.fault
+
+    display.order = falls
+    with pytest.raises(ValueError, match="fault velocity is latched; call ~/reset first"):
+        display.mend(FAULT)
+    assert "start of the scene" not in display.done
+
+
 def test_the_button_does_what_it_said_and_nothing_for_another_trouble():
     display = Display()
     with pytest.raises(ValueError, match="something else is wrong by now: Handle too fast"):
