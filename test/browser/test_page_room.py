@@ -63,3 +63,17 @@ def test_who_only_looks_on_reads_who_may_press_and_others_have_the_button(chromi
     assert tab.page.is_visible("#fault_elsewhere") == looking and tab.page.is_visible("#fault_button") != looking
     assert '"Reset and engage"' in tab.text("fault_elsewhere")
     tab.page.close()
+
+
+def test_while_a_finger_leads_the_hand_no_explanation_covers_the_plane(chromium, stage):
+    tab = opened(chromium, stage, PHONE)
+    tab.page.evaluate("document.getElementById('record').focus({preventScroll: true})")
+    tab.until_text("about", "^Record: ")
+    assert tab.page.is_visible("#about")
+    x, y = tab.middle()
+    screen = tab.page.context.new_cdp_session(tab.page)
+    screen.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]})
+    tab.until("document.getElementById('scene').classList.contains('held')")
+    assert not tab.page.is_visible("#about")
+    screen.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    tab.page.close()
