@@ -63,3 +63,44 @@ def test_who_only_looks_on_reads_who_may_press_and_others_have_the_button(chromi
     assert tab.page.is_visible("#fault_elsewhere") == looking and tab.page.is_visible("#fault_button") != looking
     assert '"Reset and engage"' in tab.text("fault_elsewhere")
     tab.page.close()
+
+
+def test_while_a_finger_leads_the_hand_no_explanation_covers_the_plane(chromium, stage):
+    tab = opened(chromium, stage, PHONE)
+    tab.page.evaluate("document.getElementById('record').focus({preventScroll: true})")
+    tab.until_text("about", "^Record: ")
+    assert tab.page.is_visible("#about")
+    x, y = tab.middle()
+    screen = tab.page.context.new_cdp_session(tab.page)
+    screen.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]})
+    tab.until("document.getElementById('scene').classList.contains('held')")
+    assert not tab.page.is_visible("#about")
+    screen.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    tab.page.close()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_button_that_is_pressed_is_readable(chromium, stage, scheme):
+    tab = opened(chromium, stage, DESK)
+    tab.page.emulate_media(color_scheme=scheme)
+    tab.until(f"document.documentElement.dataset.theme == {scheme!r}")
+    tab.page.evaluate("document.querySelectorAll('[aria-pressed]').forEach((one) => (one.ariaPressed = 'true'))")
+    found = tab.page.evaluate("""[...document.querySelectorAll('button[aria-pressed]')].map((one) => {
+        const { color, backgroundColor } = getComputedStyle(one);
+        return [one.id, color, backgroundColor];
+    })""")
+    assert {"hold", "record", "guide_slow", "layer"} <= {name for name, *_ in found}
+    assert [name for name, *colours in found if contrast(*colours) < 4.5] == []
+    tab.page.close()
+
+
+def contrast(*colours):
+    """Of two colours as a browser tells them, "rgb(r, g, b)"; 1 to 21."""
+    dark, light = sorted(map(luminance, colours))
+    return (light + 0.05) / (dark + 0.05)
+
+
+def luminance(colour):
+    parts = [int(number) / 255.0 for number in colour.removeprefix("rgb(").removesuffix(")").split(",")]
+    linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]

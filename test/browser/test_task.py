@@ -98,6 +98,22 @@ def test_all_that_a_task_asks_for_has_to_be_reached(page, stage):
     page.until_text("done", "Done")
 
 
+def test_what_was_reached_before_show_me_does_not_count_after_it(page, stage):
+    set_scene(page, stage, "peg_in_hole", results=[1.0])
+    page.until_text("done", "Done")
+    stage.guide(state="starting")
+    page.until_text("guide_play", "Starting")
+    stage.guide(state="playing")
+    page.until_text("guide_play", "^Pause$")
+    page.until_text("progress", "^100 %")
+    assert page.text("done") == ""
+    stage.show(results=[0.0])
+    page.until_text("progress", "^0 %")
+    stage.show(results=[1.0])
+    page.until_text("done", "Done")
+    stage.guide()
+
+
 def test_a_scene_without_a_task_shows_its_description_and_its_results(page, stage):
     set_scene(page, stage, "incline", results=[0.5])
     assert page.text("goal") == f"{load('incline').description}."

@@ -75,6 +75,7 @@ export class Hand {
     if (event.button !== 0 || this.held) return;
     this.view.canvas.setPointerCapture(event.pointerId);
     this.view.canvas.classList.add("held");
+    this.view.canvas.focus({ preventScroll: true }); // a finger does not by itself, before it is lifted
     this.held = { pointerId: event.pointerId };
     this.anchor(event);
   }

@@ -11,7 +11,7 @@ export class TaskCard {
     this.link = link;
     this.scene = this.guide = null;
     this.tasks = [];
-    this.reached = false;
+    this.reached = this.stale = false;
     byId("next_scene").addEventListener("click", () => choose(this.scene.task.next));
     byId("guide_play").addEventListener("click", () => this.ask(this.guide?.state === "playing" ? "pause" : "play"));
     byId("guide_step").addEventListener("click", () => this.ask("step"));
@@ -34,7 +34,7 @@ export class TaskCard {
 
   setScene(scene) {
     this.scene = scene;
-    this.reached = false;
+    this.reached = this.stale = false;
     const task = scene?.task;
     byId("task_title").textContent = task?.title ?? "Scene";
     byId("goal").textContent = task?.goal ?? (scene ? `${scene.description}.` : "–");
@@ -53,7 +53,14 @@ export class TaskCard {
     this.rows.forEach((words, i) => paint(byId("progress").children[i], words, shares[i]));
     const shows = Boolean(frame.target) && this.scene.way.length > 1; // a person's own hand cannot be led
     if (byId("guide").hidden === shows) byId("guide").hidden = !shows;
-    if (task?.done && !this.reached) this.finish();
+    this.stale &&= Boolean(task?.done);
+    if (task?.done && !this.reached && !this.stale) this.finish();
+  }
+
+  // The scene again from its start; what is reported until then is of before.
+  begin() {
+    this.setScene(this.scene);
+    this.stale = true;
   }
 
   // Once reached it stays so until the scene begins again.
@@ -66,7 +73,7 @@ export class TaskCard {
   }
 
   showGuide(guide) {
-    if (this.guide?.state === "starting" && guide.state !== "starting") this.setScene(this.scene);
+    if (this.guide?.state === "starting" && guide.state !== "starting") this.begin();
     this.guide = guide;
     const { state, slow } = guide;
     byId("guide_play").textContent = { playing: "Pause", paused: "Go on", starting: "Starting…" }[state] ?? "Show me";
@@ -75,7 +82,7 @@ export class TaskCard {
   }
 
   answered({ to, done, sentence }) {
-    if (to.do === "start_scene" && done) this.setScene(this.scene);
+    if (to.do === "start_scene" && done) this.begin();
     if (to.do !== "guide") return false;
     byId("scene_answer").textContent = sentence;
     byId("scene_answer").classList.toggle("refused", !done);
