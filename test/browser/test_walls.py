@@ -323,12 +323,12 @@ def test_a_wall_that_is_moved_into_the_live_hand_is_no_fault(tab, listener):
     listener.set_walls(**wall, offsets=[y + 0.03])  # which no page asks for
     tab.until("document.querySelectorAll('.wall').length === 1")
     listener.later()
-    assert tab.text("state") == "engaged"
+    assert tab.text("state").startswith("engaged"), "its force may be less, but nothing stops"
     groups, frames = listener.marked()
     assert groups >= {"bodies", "walls", "workspace", "target", "handle", "coupling"} and frames == {"haptic_map"}
     tab.page.click("#wall_1_remove")
     tab.until("document.querySelectorAll('.wall').length === 0")
-    assert tab.text("state") == "engaged" and tab.text("walls_answer") == ""
+    assert tab.text("state").startswith("engaged") and tab.text("walls_answer") == ""
 
 
 def test_the_live_driver_takes_what_is_in_the_band_and_refuses_what_is_beyond(tab):
