@@ -101,9 +101,9 @@ def test_all_that_a_task_asks_for_has_to_be_reached(page, stage):
 def test_what_was_reached_before_show_me_does_not_count_after_it(page, stage):
     set_scene(page, stage, "peg_in_hole", results=[1.0])
     page.until_text("done", "Done")
-    stage.guide(state="starting")
+    guide(stage, state="starting")
     page.until_text("guide_play", "Starting")
-    stage.guide(state="playing")
+    guide(stage, state="playing")
     page.until_text("guide_play", "^Pause$")
     page.until_text("progress", "^100 %")
     assert page.text("done") == ""
@@ -111,7 +111,7 @@ def test_what_was_reached_before_show_me_does_not_count_after_it(page, stage):
     page.until_text("progress", "^0 %")
     stage.show(results=[1.0])
     page.until_text("done", "Done")
-    stage.guide()
+    guide(stage)
 
 
 def test_a_scene_without_a_task_shows_its_description_and_its_results(page, stage):
