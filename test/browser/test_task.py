@@ -307,6 +307,7 @@ def test_show_me_does_the_task_and_a_drag_ends_it(tab):
     tab.until_text("guide_play", "^Go on$")
     tab.page.click("#guide_play")
     tab.until_text("done", "Done")
+    tab.until_text("guide_play", "^Show me$")
     tab.shot("shown")
     tab.page.click("#guide_play")
     tab.until_text("guide_play", "^Pause$")
