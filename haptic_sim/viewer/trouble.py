@@ -77,7 +77,9 @@ class TroubleFinder:
         title = f"{who} {verb if ended or len(found) > 1 else 'does not answer'}"
         why = "; ".join(found.values())
         button = f"Start {who[0].lower()}{who[1:]} again" if self._nodes else ""
-        first = "" if button else f"Start again: {', '.join(map(self._command, found))}"
+        first = (
+            "" if button else f"Start again, with the file it was started with: {', '.join(map(self._command, found))}"
+        )
         told = f"{title}: {why}. " + (f'Press "{button}" on the page.' if button else f"{first}.")
         return Trouble(title, f"{why}.", first, button, tuple(found), told=told)
 

@@ -216,7 +216,7 @@ def test_the_wheel_turns_the_hand_by_a_degree_a_notch_and_moves_it_nowhere(tab, 
 def test_gains_beyond_the_damping_are_refused_with_the_drivers_sentence(tab):
     number = tab.page.locator("#tuned_coupling_stiffness + input")
     number.fill("90000")
-    tab.page.wait_for_timeout(1500.0)  # values come each second, and leave alone what is being typed
+    tab.values()  # which leave alone what is being typed
     number.press("Enter")
     tab.until_text("tuned_coupling_stiffness_answer", "needs b > .* the device has")
     tab.page.locator("#tuned_coupling_stiffness_answer").scroll_into_view_if_needed()
@@ -248,7 +248,7 @@ def test_the_slider_of_a_wall_changes_that_wall_alone_and_walls_are_shown(tab, l
     second.fill("20")
     second.press("Enter")
     tab.page.focus("#scene")
-    tab.page.wait_for_timeout(2500.0)  # what the driver has comes each second
+    tab.values()
     assert tab.page.evaluate(numbers) == ["100", "20"] and tab.text("wall_2_answer") == ""
     tab.page.locator("#wall_1_stiffness").scroll_into_view_if_needed()
     tab.shot("walls")
@@ -333,7 +333,7 @@ def gain(tab, name, value):
     number.press("Enter")
     tab.page.focus("#scene")
     tab.until(f"document.querySelector('#tuned_{name} + input').value === '{value}'")
-    tab.page.wait_for_timeout(1500.0)  # values come each second
+    tab.values()
     assert number.input_value() == value
 
 
