@@ -108,7 +108,7 @@ def test_the_chooser_has_the_tasks_first_by_their_titles_and_the_rest_as_test_ca
     assert page.page.text_content("#scene_name > option") == load("peg_in_hole").task.title
     for name in ("maze", "incline"):
         stage.tell("values", {"values": {"haptic_simulation": {"scene": name, "method": "auto"}}, "offer": {},
-                              "walls": [], "workspace": None, "damping": []})  # fmt: skip
+                              "began": {}, "passive": {}, "workspace": None, "damping": []})  # fmt: skip
         page.until(f"document.getElementById('scene_name').value === {name!r}")
     page.page.select_option("#scene_name", "maze")
     asked(stage, {"do": "scene", "name": "maze"})

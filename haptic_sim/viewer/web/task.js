@@ -37,7 +37,7 @@ export class TaskCard {
     this.reached = false;
     const task = scene?.task;
     const title = byId("task_title");
-    put(title.querySelector("button") ?? title, task?.title ?? "Scene"); // the button folds the card
+    put(title.querySelector("button") ?? title, task?.title ?? "This scene"); // the button folds the card
     byId("goal").textContent = task?.goal ?? (scene ? `${scene.description}.` : "–");
     byId("task_hint").textContent = task?.hint ?? "";
     byId("done").textContent = "";
