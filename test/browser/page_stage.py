@@ -75,7 +75,9 @@ class Stage:
     def _welcome(self, session):
         hello = {"control": True, "declarations": [], "scenes": self.scenes, "tasks": tasks(), "methods": ["auto"]}
         session.tell("hello", hello | {"looking": ""})
-        session.tell("values", {"values": {}, "offer": {}, "began": {}, "passive": {}, "workspace": WORKSPACE, "damping": []})
+        session.tell(
+            "values", {"values": {}, "offer": {}, "began": {}, "passive": {}, "workspace": WORKSPACE, "damping": []}
+        )
         session.tell("status", STATUS)
 
     async def _do(self, message, session):
