@@ -17,6 +17,7 @@ from haptic_device import controller_config, gain_check
 from haptic_device.control import enable_state, faults, records
 from haptic_device.description import load_device
 from haptic_device.jit import ensure_compiled
+from haptic_device.nodes import fault_answers
 from haptic_device.nodes.diagnostics import statuses
 from haptic_device.nodes.driver_diagnostics import DriverDiagnostics
 from haptic_device.nodes.exchange_server import ExchangeServer
@@ -241,7 +242,7 @@ class DriverNode(ManagedNode):
     def _on_enable(self, request, response):
         def refusal(servo):
             row = servo.row.get()[0]
-            return f"fault {faults.name_of(row.fault)} is latched; call ~/reset first" if row.fault else ""
+            return fault_answers.latched(faults.name_of(row.fault)) if row.fault else ""
 
         return self._command(response, lambda servo: servo.order(set_flags=enable_state.ENABLE), "enabled", refusal)
 
@@ -275,11 +276,11 @@ class DriverNode(ManagedNode):
             self._stay_disabled()
             servo.reset()
 
-        self._command(response, act, "fault cleared; ~/enable to go on")
+        self._command(response, act, fault_answers.CLEARED)
         servo = self.servo
         if response.success and servo is not None and (code := int(servo.row.get()[0].fault)):
             response.success = False
-            response.message = f"fault {faults.name_of(code)} is latched again: its cause is still there"
+            response.message = fault_answers.latched_again(faults.name_of(code))
         return response
 
     def _stay_disabled(self):

@@ -52,8 +52,8 @@ while the display is enabled: a handle that rests on one may be led away, and en
 force.
 
 `test/live/test_driver.py` and `test/live/test_fault_live.py` provoke each but 11 to 14 on running nodes,
-`test/unit/test_servo.py` and `test/unit/test_device_faults.py` all tick by tick, `test/browser/test_faults.py` all on
-the page.
+`test/unit/test_servo.py` and `test/unit/test_device_faults.py` all tick by tick. On the
+page, `test/browser/test_faults.py` provokes 1 and 5 on running nodes, and has a made-up driver tell all.
 
 | code | name | in words | what latched it | what the motor does | what to do first |
 |---|---|---|---|---|---|

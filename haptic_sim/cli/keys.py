@@ -14,30 +14,45 @@ ESTOP = " "
 
 @contextlib.contextmanager
 def keys() -> Iterator[Callable[[], str]]:
-    """Yields a function that returns the key pressed since the last look, or ""; without a terminal always ""."""
+    """Yields a function that returns the key pressed since the last look, or ""; without a terminal, or in its
+    background, always ""."""
     try:
         descriptor = sys.stdin.fileno()
         before = termios.tcgetattr(descriptor)
     except (OSError, ValueError, AttributeError, termios.error):
         yield lambda: ""
         return
+    if _in_background(descriptor):
+        yield lambda: ""
+        return
     tty.setcbreak(descriptor)
     try:
         yield lambda: _pressed(descriptor)
     finally:
-        with contextlib.suppress(termios.error):  # the terminal may have been closed
-            termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
+        if not _in_background(descriptor):
+            with contextlib.suppress(termios.error):  # the terminal may have been closed
+                termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
 
 
 @contextlib.contextmanager
 def stop_key() -> Iterator[Callable[[], bool] | None]:
-    """Yields a function that says whether the e-stop's key has been pressed; None without a terminal."""
+    """Yields a function that says whether the e-stop's key has been pressed; None without a terminal, or in its
+    background."""
     with keys() as pressed:
-        yield (lambda: pressed() == ESTOP) if sys.stdin and sys.stdin.isatty() else None
+        heard = sys.stdin and sys.stdin.isatty() and not _in_background(sys.stdin.fileno())
+        yield (lambda: pressed() == ESTOP) if heard else None
+
+
+def _in_background(descriptor: int) -> bool:
+    """Whether the shell has the terminal: who reads it or changes it then is stopped (SIGTTIN, SIGTTOU)."""
+    try:
+        return os.tcgetpgrp(descriptor) != os.getpgrp()
+    except OSError:  # it is not the terminal that this process was started from
+        return False
 
 
 def _pressed(descriptor: int) -> str:
-    if not select.select([descriptor], [], [], 0.0)[0]:
+    if _in_background(descriptor) or not select.select([descriptor], [], [], 0.0)[0]:
         return ""
     try:
         typed = os.read(descriptor, 64).decode(errors="replace")

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw
 
+from haptic_device.analysis import palette
 from haptic_device.os_errors import naming
 from haptic_sim.film.clock import Array
 from haptic_sim.film.curves import HANDLE
@@ -24,15 +25,6 @@ FINER = 2  # drawn larger by this, then reduced: soft edges
 COLOURS = 48
 PER_NEWTON = 6.0  # pixels
 LONGEST = 140.0  # pixels of an arrow
-GROUND, INK, FIXED, MOVING = "#f6f7f9", "#16191d", "#9aa3ad", "#56b4e9"  # those of the page in light
-TOOL_COLOUR, HANDLE_COLOUR, COUPLING, FORCE, CONTACT, WALL = (
-    "#e69f00",
-    "#0072b2",
-    "#009e73",
-    "#d55e00",
-    "#a3457f",
-    "#b7d0df",
-)
 
 
 def pictures_of(film: Film) -> npt.NDArray[np.intp]:
@@ -49,8 +41,8 @@ def write_gif(film: Film, path: Path) -> None:
     """Writes it, in real time and over and over."""
     drawer = _Drawer(film)
     frames = [drawer.picture(int(number)) for number in pictures_of(film)]
-    palette = frames[len(frames) // 2].quantize(COLOURS)
-    reduced = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    colours = frames[len(frames) // 2].quantize(COLOURS)
+    reduced = [frame.quantize(palette=colours, dither=Image.Dither.NONE) for frame in frames]
     with naming(path):
         reduced[0].save(
             path, save_all=True, append_images=reduced[1:], duration=round(1e3 * PERIOD), loop=0, optimize=True
@@ -65,13 +57,13 @@ class _Drawer:
         width, height = (FINER * side for side in SIZE)
         self._scale = min(width / (right - left), height / (top - bottom))
         self._middle, self._half = ((left + right) / 2, (bottom + top) / 2), (width / 2, height / 2)
-        self._still = Image.new("RGB", (width, height), GROUND)
+        self._still = Image.new("RGB", (width, height), palette.GROUND)
         draw = ImageDraw.Draw(self._still)
         for normal_x, normal_y, offset in film.walls:
             self._wall(draw, normal_x, normal_y, offset)
         for solid in film.scene.solids if film.scene else ():
             if solid.fixed:
-                self._solid(draw, solid.outlines, solid.pose, FIXED)
+                self._solid(draw, solid.outlines, solid.pose, palette.FIXED)
 
     def picture(self, number: int) -> Image.Image:
         """One picture in the size of the GIF."""
@@ -79,21 +71,21 @@ class _Drawer:
         draw, places = ImageDraw.Draw(picture), {name: _known(place[number]) for name, place in film.places.items()}
         for solid in film.scene.solids[1:] if film.scene else ():
             if not solid.fixed and (pose := places.get(solid.name)):
-                self._solid(draw, solid.outlines, pose, MOVING)
+                self._solid(draw, solid.outlines, pose, palette.MOVING)
         tool, handle = places.get(TOOL), places.get(HANDLE)
         if film.scene and tool:
             x, y = np.mean(film.scene.solids[0].outlines[0].vertices, axis=0).tolist()
-            draw.line([self._pixels(tool), self._pixels(turned((x, y), tool))], INK, 2 * FINER)
-            self._solid(draw, film.scene.solids[0].outlines, tool, TOOL_COLOUR)
+            draw.line([self._pixels(tool), self._pixels(turned((x, y), tool))], palette.INK, 2 * FINER)
+            self._solid(draw, film.scene.solids[0].outlines, tool, palette.TOOL)
         if tool and handle and film.coupled[number]:
-            draw.line([self._pixels(handle), self._pixels(tool)], COUPLING, 4 * FINER)
+            draw.line([self._pixels(handle), self._pixels(tool)], palette.COUPLING, 4 * FINER)
         for at, x, y, *force in film.contacts:
             if at == number:
-                self._disc(draw, (x, y), 3.5 * FINER, CONTACT)
-                self._arrow(draw, (x, y), force, CONTACT)
+                self._disc(draw, (x, y), 3.5 * FINER, palette.CONTACT)
+                self._arrow(draw, (x, y), force, palette.CONTACT)
         if handle:
-            self._arrow(draw, handle, film.force[number].tolist(), FORCE)
-            self._disc(draw, handle, 6 * FINER, HANDLE_COLOUR)
+            self._arrow(draw, handle, film.force[number].tolist(), palette.FORCE)
+            self._disc(draw, handle, 6 * FINER, palette.HANDLE)
         self._label(draw, number)
         return picture.resize(SIZE, Image.Resampling.BOX)
 
@@ -103,7 +95,7 @@ class _Drawer:
         draw.text(
             (8 * FINER, 6 * FINER),
             f"{self._film.begin + number / self._film.rate:.1f} s{felt}",
-            INK,
+            palette.INK,
             font_size=15 * FINER,
         )
 
@@ -117,7 +109,7 @@ class _Drawer:
             if radius > 0.0:
                 self._disc(draw, corners[0], radius * self._scale, colour)
             else:
-                draw.polygon([self._pixels(corner) for corner in corners], colour, INK, FINER)
+                draw.polygon([self._pixels(corner) for corner in corners], colour, palette.INK, FINER)
 
     def _wall(self, draw: ImageDraw.ImageDraw, normal_x: float, normal_y: float, offset: float) -> None:
         far = 2.0  # m
@@ -125,11 +117,11 @@ class _Drawer:
         deep = (-normal_x * far, -normal_y * far)
         ends = [(foot[0] + s * along[0], foot[1] + s * along[1]) for s in (1, -1)]
         corners = [*ends, *((x + deep[0], y + deep[1]) for x, y in reversed(ends))]
-        draw.polygon([self._pixels(corner) for corner in corners], WALL)
+        draw.polygon([self._pixels(corner) for corner in corners], palette.WALL)
 
     def _disc(self, draw: ImageDraw.ImageDraw, place: Sequence[float], radius: float, colour: str) -> None:
         x, y = self._pixels(place)
-        draw.ellipse([x - radius, y - radius, x + radius, y + radius], colour, INK, FINER)
+        draw.ellipse([x - radius, y - radius, x + radius, y + radius], colour, palette.INK, FINER)
 
     def _arrow(self, draw: ImageDraw.ImageDraw, place: Sequence[float], force: Sequence[float], colour: str) -> None:
         size = math.hypot(*force)

@@ -227,6 +227,20 @@ class Tab:
     def until_text(self, name, pattern, seconds=PATIENCE):
         self.until(f"/{pattern}/.test(document.getElementById({name!r}).textContent)", seconds)
 
+    def values(self, count=3):
+        """Waits until the viewer has told the driver's values so many times: once to begin with, then each second."""
+        self.page.evaluate(
+            """(count) => new Promise((done) => {
+                const socket = new WebSocket(new URL("socket", location.href.replace("http", "ws")));
+                socket.onmessage = ({ data }) => {
+                    if (JSON.parse(data).kind !== "values" || --count) return;
+                    socket.close();
+                    done();
+                };
+            })""",
+            count,
+        )
+
     def engage(self):
         """Clears a fault and engages, the hand at the scene's start."""
         self.page.click("[data-service=reset]")

@@ -11,6 +11,7 @@ from haptic_sim.scene.drawing import drawing_of
 from haptic_sim.scene.language import load
 from haptic_sim.viewer import settings
 from haptic_sim.viewer.server import Server
+from haptic_sim.viewer.tasks import tasks
 
 PERIOD = 0.02  # s between two frames
 LIMIT = 30.0  # s for what the server does
@@ -26,7 +27,12 @@ FRAME = {
     "energy": [0.0, 0.0],
     "results": [],
 }
-HELLO = {"declarations": settings.declarations(), "scenes": ["peg_in_hole", "wall"], "methods": ["auto", "partitioned"]}
+HELLO = {
+    "declarations": settings.declarations(),
+    "scenes": ["peg_in_hole", "wall"],
+    "tasks": tasks(),
+    "methods": ["auto", "partitioned"],
+}
 VALUES = {
     "values": {},
     "offer": {},

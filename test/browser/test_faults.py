@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Each fault and each node that ends, on the page: its words, its number, and the one button that mends it."""
+"""Each fault and each node that ends, on the page: its words, its number, and the one button that mends it.
+
+A made-up driver tells of each fault; on running nodes the e-stop and a handle outside the workspace are provoked."""
 
 import contextlib
 import re

@@ -4,9 +4,10 @@
 import pytest
 import waiting
 from conftest import PATIENCE, Cable, Tab
-from made_up_viewer import MadeUpViewer
+from made_up_viewer import STATUS, MadeUpViewer
 
 pytestmark = pytest.mark.timeout(600)
+ENGAGED = {"state": "engaged", "fault": "", "withheld": "", "passivity_margin": "1", "passivity_margin_theta": "1"}
 LET_GO, STOP = {"do": "let_go"}, {"do": "trigger", "service": "estop"}
 
 
@@ -113,9 +114,10 @@ def test_keys_switch_hold_on_and_a_click_on_the_plane_or_h_lets_go(page, viewer)
 
 def test_keys_that_follow_one_another_quickly_or_slowly_add_up(page, viewer):
     page.page.focus("#scene")
-    for pause in (0.0, 0.0, 600.0, 600.0):
+    for slowly in (False, False, True, True):
         page.page.keyboard.press("ArrowRight")
-        page.page.wait_for_timeout(pause)
+        for _ in range(3 * slowly):
+            viewer.show_drawn(page)
     waiting.until(
         lambda: places(viewer)[-1]["x"] == pytest.approx(0.008),
         "four steps, though the hand has not moved yet",
@@ -197,11 +199,21 @@ def test_without_a_hand_to_lead_whoever_drags_or_presses_a_key_is_told(page, vie
     viewer.show_drawn(page, target=None)
     page.page.focus("#scene")
     page.page.keyboard.press("ArrowUp")
-    page.until_text("hint", "There is no simulated hand to lead")
+    page.until_text("hint", "There is no hand to lead yet")
     dragged(page, *page.middle(), (40, 0))
     page.page.mouse.up()
     all_asked(page, viewer)
     assert viewer.asked == [STOP] and not holds(page)
+
+
+def test_whoever_drags_at_a_real_device_is_told_to_move_its_handle(page, viewer):
+    viewer.tell("status", STATUS | {"nodes": {"haptic_driver": {"level": 0, "message": "", "values": ENGAGED}}})
+    viewer.show_drawn(page, target=None)
+    page.until_text("state", "^engaged$")
+    dragged(page, *page.middle(), (40, 0))
+    page.until_text("hint", "^This is a real device: move its handle yourself.$")
+    page.page.mouse.up()
+    viewer.tell("status", STATUS)
 
 
 def test_a_view_only_page_has_the_e_stop_and_escape_and_leads_nothing(chromium, viewer):

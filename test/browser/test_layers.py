@@ -21,7 +21,17 @@ EXPERT = ("torque", "stretch", "strip_energy", "strip_age", "method_name", "slid
 DESK, PHONE = (1400, 900), (390, 844)
 SIZES = DESK, (1280, 720), (900, 600), PHONE, (640, 360), (320, 180)  # the last two: 1280x720 at 200 % and 400 %
 CONTROLS = "button, select, input, summary, a"
-GIVEN = "#fault *, #task *, #walls *, #recording *, #sliders *"  # have words of their own
+GIVEN = "#fault *, #sliders *, .fold"  # have words of their own
+TASK = {"state": "paused", "share": 0.5, "slow": False}
+BAGS = [{"name": name, "seconds": 2.0, "size": 1e6} for name in ("one", "two")]
+SAVED = {"state": "saved", "seconds": 0.0, "bag": "/somewhere/one", "name": "one", "bags": BAGS}
+RANGES = {
+    "coupling.stiffness": [0.0, 2300.0],
+    "coupling.damping": None,
+    "wall.stiffness": [[0.0, 1500.0], None],
+    "wall.damping": [[0.1, 0.4], [0.0, 1e9]],
+}
+JARGON = ("passive", "passivity", "coupling", "theta", "p99", "exchange", "sample")
 DRIVER = {
     "state": "engaged",
     "fault": "",
@@ -284,12 +294,20 @@ def test_on_a_phone_a_touch_explains_what_it_touches_but_hides_nothing_of_the_pl
     assert tab.page.is_visible("#about") and tab.text("about").startswith("Record: ")
 
 
-def test_every_control_and_figure_has_a_description_in_words_and_all_stand_in_one_list(opened):
+def test_every_control_and_figure_has_a_description_in_words_and_all_stand_in_one_list(opened, served):
     tab = opened(expert=True)
+    served.tell("values", values(**WALLS))
+    served.tell("status", status(guide=TASK))
+    served.tell("recordings", SAVED)
+    served.tell("leader", "other")
+    tab.until("document.getElementById('wall_2_damping') && document.querySelectorAll('#bags a').length === 6")
+    tab.until("!document.getElementById('leader').hidden && !document.getElementById('guide').hidden")
+    tab.page.evaluate("document.querySelectorAll('details').forEach((one) => (one.open = true))")
+    own = "id.startsWith('about_') && document.getElementById(id)"
     explained = f"{CONTROLS}, #readout > div, figure, .gauge"
     undescribed = tab.page.evaluate(f"""[...document.querySelectorAll({explained!r})]
-        .filter((one) => one.checkVisibility() && !one.matches({GIVEN!r} + ', .fold, #offers *'))
-        .filter((one) => !one.getAttribute('aria-describedby')?.split(' ').every((id) => document.getElementById(id)))
+        .filter((one) => one.checkVisibility() && !one.matches({GIVEN!r}))
+        .filter((one) => !one.getAttribute('aria-describedby')?.split(' ').some((id) => {own}))
         .map((one) => one.id || one.outerHTML)""")
     assert undescribed == []
     tab.page.focus("#words .fold")
@@ -298,8 +316,34 @@ def test_every_control_and_figure_has_a_description_in_words_and_all_stand_in_on
     everything = tab.page.evaluate(count)
     tab.page.click("#layer")
     assert 10 < tab.page.evaluate(count) < everything
+    served.tell("recordings", SAVED | {"state": "ready", "bag": "", "name": "", "bags": []})
+    served.tell("leader", "none")
+
+
+def test_the_simple_layer_says_what_stays_stable_in_words_of_everybody(opened, served):
+    tab = opened()
+    served.tell("values", values(**WALLS) | {"passive": RANGES})
+    tab.until_text("gain_coupling_stiffness_passive", "^stable up to 2300 N.m$")
+    assert tab.text("gain_coupling_damping_passive") == "no value is stable: lower other gains"
+    tab.until_text("wall_1_stiffness_passive", "^stable up to 1500 N.m$")
+    tab.page.click("#words .fold")
     simple = tab.page.inner_text("body").lower()
-    assert [word for word in ("passivity", "coupling", "theta", "p99", "exchange", "sample") if word in simple] == []
+    assert "stable up to" in simple and [word for word in JARGON if word in simple] == []
+
+
+def test_a_card_that_was_folded_opens_again_though_its_title_is_another_scenes(opened, served):
+    for _ in range(2):
+        tab = opened(scripts=["localStorage.setItem('folds', '{\"task\": false}')"])
+        served.show_scene("peg_in_hole")
+        tab.until("document.querySelector('#task_title button').textContent !== 'Task'")
+        assert not tab.page.is_visible("#goal")
+        tab.page.click("#task .fold")
+        assert tab.page.is_visible("#goal") and tab.page.get_attribute("#task .fold", "aria-expanded") == "true"
+        served.show_scene("drive_nail")
+        tab.until("document.getElementById('goal').textContent.includes('nail')")
+        assert tab.page.is_visible("#goal") and "nail" in tab.text("task_title").lower()
+        tab.page.click("#task .fold")
+        assert not tab.page.is_visible("#goal")
 
 
 def test_the_keyboard_reaches_what_drives_first_then_the_plane_then_the_panels(opened):

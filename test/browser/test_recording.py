@@ -190,7 +190,8 @@ def test_the_panel_says_at_once_what_was_pressed_and_then_what_is(chromium, view
     found = tab.page.eval_on_selector_all(
         "#saved_links a", "all => all.map((a) => [a.textContent, a.getAttribute('href')])"
     )
-    assert found == [["Report", "recordings/report.html?bag=two"], ["Replay", "recordings/film.html?bag=two"]]
+    files = (("Report", "report.html"), ("Replay", "film.html"), ("GIF", "film.gif"))
+    assert found == [[name, f"recordings/{file}?bag=two"] for name, file in files]
     viewer.tell("recordings", NEWS | {"state": "no recorder"})
     tab.until_text("record", "No recorder runs")
     assert tab.harm("#recording") == [] and tab.complaints == []
@@ -235,7 +236,7 @@ def test_a_run_is_recorded_marked_saved_and_its_report_and_replay_open(system, t
     tab.until_text("record_clock", "^0:0[2-9]$")
     tab.page.click("#record")
     tab.until_text("record_state", "^saved$")
-    tab.until("document.querySelectorAll('#saved_links a').length === 2")
+    tab.until("document.querySelectorAll('#saved_links a').length === 3")
     bag = Path(tab.page.input_value("#bag_path"))
     assert bag.parent == Path(system.folder) / "haptic_bags" and (bag / "metadata.yaml").is_file()
     with tab.page.context.expect_page() as popup:

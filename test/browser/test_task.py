@@ -39,7 +39,7 @@ def set_scene(page, stage, name, **frame):
 
 
 class NONE:
-    title = "Scene"
+    title = "This scene"
 
 
 def width(page):

@@ -193,13 +193,13 @@ def test_a_refusal_stands_at_the_wall_that_is_blamed_until_something_is_edited(p
 def test_a_gain_has_plain_words_and_the_band_in_which_it_is_passive(page, stage):
     label = page.page.text_content("label[for=gain_coupling_stiffness]")
     assert label.strip() == "How stiff the tool is held [N/m]"
-    assert page.text("gain_coupling_stiffness_passive") == "passive up to 2310 N/m"
-    assert page.text("gain_coupling_damping_passive") == "passive from 0.25 to 1.9 N s/m"
+    assert page.text("gain_coupling_stiffness_passive") == "stable up to 2310 N/m"
+    assert page.text("gain_coupling_damping_passive") == "stable from 0.25 to 1.9 N s/m"
     share = "(parseFloat(document.querySelector('#gains .passive i').style.width) / 100) ** 3"
     assert pytest.approx(5000.0 * page.page.evaluate(share), rel=1e-3) == 2310.7
     stage.passive = {"coupling.stiffness": None}
     stage.tell()
-    page.until_text("gain_coupling_stiffness_passive", "no value is passive")
+    page.until_text("gain_coupling_stiffness_passive", "no value is stable: lower other gains")
     assert page.page.is_hidden("#gains .passive")
 
 
@@ -310,7 +310,7 @@ def test_a_wall_that_is_moved_into_the_live_hand_is_no_fault(tab, listener):
     tab.engage()
     tab.page.click("#add_wall")
     tab.until("document.querySelectorAll('.wall').length === 1 && document.querySelector('.dot.move')?.style.transform")
-    tab.until("document.getElementById('wall_1_stiffness_passive').textContent.startsWith('passive up to')")
+    tab.until("document.getElementById('wall_1_stiffness_passive').textContent.startsWith('stable up to')")
     dragged(tab, "move", 0, -150)
     tab.until_text("wall_1_answer", "The hand is in the way: the wall stops at it.")
     tab.shot("wall_at_hand")

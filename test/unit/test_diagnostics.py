@@ -3,8 +3,11 @@
 
 import os
 import pty
+import subprocess
+import sys
 
 import pytest
+import waiting
 from waiting import until
 
 from haptic_device.nodes import diagnostics
@@ -44,3 +47,29 @@ def keys_of(monkeypatch, stdin):
 def test_without_a_terminal_there_are_no_keys(monkeypatch):
     with open(os.devnull) as stdin, keys_of(monkeypatch, stdin) as pressed:
         assert pressed() == ""
+
+
+IN_TERMINAL = """
+import os, sys
+terminal = os.open(sys.argv[1], os.O_RDWR)  # of a process that leads a session: from now on its own
+for background in (True, False):
+    child = os.fork()
+    if child == 0:
+        if background:
+            os.setpgid(0, 0)
+        os.dup2(terminal, 0)
+        from haptic_sim.cli.keys import keys, stop_key
+        with stop_key() as stop, keys() as pressed:
+            print(background, stop is None, repr(pressed()), flush=True)
+        os._exit(0)
+    print("stopped" if os.WIFSTOPPED(os.waitpid(child, os.WUNTRACED)[1]) else "ended", flush=True)
+"""
+
+
+def test_in_the_background_of_a_terminal_there_are_no_keys_and_nothing_stops():
+    control, terminal = pty.openpty()
+    command = [sys.executable, "-c", IN_TERMINAL, os.ttyname(terminal)]
+    done = waiting.run(command, stdin=subprocess.DEVNULL, start_new_session=True)
+    os.close(terminal)
+    os.close(control)
+    assert done.stdout.splitlines() == ["True True ''", "ended", "False False ''", "ended"], done.stderr

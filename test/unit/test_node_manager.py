@@ -32,14 +32,15 @@ class Nodes:
 
 @pytest.fixture
 def manager(tmp_path):
-    manager = NodeManager(Order("peg_in_hole", None, tmp_path, None, None, POINT, given=HAND), Nodes())
+    manager = NodeManager(Order("peg_in_hole", None, tmp_path, None, None, POINT, given=HAND), nodes := Nodes())
     manager.start()
+    manager.started_with = lambda: nodes.started
     return manager
 
 
 def changed(manager, name, value, enable=True):
     asyncio.run(manager.change(name, value, enable))
-    return manager._nodes.started
+    return manager.started_with()
 
 
 WALLS = {"wall.normals": [0.0, 1.0], "wall.offsets": [-0.05], "wall.stiffness": [300.0], "wall.damping": [0.0]}

@@ -8,7 +8,10 @@ from made_up_clock import Clock
 
 from haptic_device.control import withheld
 from haptic_device.control.faults import TABLE
+from haptic_device.nodes.fault_answers import CLEARED, latched, latched_again
 from haptic_device.status import Status
+from haptic_sim.client import absent, silent
+from haptic_sim.supervision.tuning import FaultError
 from haptic_sim.viewer import trouble as module
 from haptic_sim.viewer.page_words import in_page_words
 from haptic_sim.viewer.trouble import LAST_WORDS, STANDS, TroubleFinder
@@ -141,21 +144,26 @@ def test_the_terminal_is_told_of_each_trouble_once_when_its_number_is_known(cloc
 @pytest.mark.parametrize(
     ("said", "words"),
     [
-        ("fault estop is latched; call ~/reset first", "Emergency stop is active. Press Reset and engage."),
+        (latched("estop"), "Emergency stop is active. Press Reset and engage."),
         (
-            "fault position is latched again: its cause is still there",
+            latched_again("position"),
             "Handle outside the workspace: its cause is still there. "
             "Lead the handle back into the workspace, then press Reset and engage.",
         ),
         ("e-stop latched, motor zero", "stopped: the motor is off"),
-        ("fault cleared; ~/enable to go on", "fault cleared; press Engage to go on"),
-        ("haptic_driver offers no ~/enable in /haptic; does it run in this domain?", "The driver does not run here."),
-        ("haptic_simulation did not answer ~/load_scene within 180 s", "The simulation did not answer within 180 s."),
+        (CLEARED, "fault cleared; press Engage to go on"),
+        (absent("haptic_driver", "enable", "/haptic", "does it run in this domain?"), "The driver does not run here."),
+        (silent("haptic_simulation", "load_scene", 180.0), "The simulation did not answer within 180 s."),
         ("coupling.stiffness is 9 N/m; 0 to 5 is needed", "coupling.stiffness is 9 N/m; 0 to 5 is needed"),
     ],
 )
 def test_what_nodes_answer_is_said_in_the_words_of_the_page(said, words):
     assert in_page_words(said) == words
+
+
+@pytest.mark.parametrize("said", [str(FaultError("estop")), *(cause.cure for cause in withheld.TABLE)])
+def test_no_sentence_of_the_page_names_a_service(said):
+    assert "~/" not in in_page_words(said) and "set clutch" not in in_page_words(said)
 
 
 @pytest.mark.parametrize("cause", withheld.TABLE, ids=lambda cause: cause.name)

@@ -2,6 +2,8 @@
 // What each thing on the page is, in plain words: in one line at the foot of the page for what is pointed at or has the
 // focus, in the panel "What is what" for all, and to screen readers as the description of each control.
 
+import { element } from "./element.js";
+
 const EXPERT = true;
 // What is explained (a selector), its name, what it is, and whether only experts see it.
 const WORDS = [
@@ -18,6 +20,7 @@ const WORDS = [
   ["div:has(> #stretch)", "Coupling stretched", "How far the tool is from the handle. The spring between them pulls the harder, the longer it is.", EXPERT],
   ["#results > div", "Results", "How far the job is done, as the scene counts it."],
   ["#hold", "Hold", "The hand stays where you let it go, and goes on pressing. Press it again to let go."],
+  ["#take_over", "Take over", "This page leads the hand from now on, and the other page does not."],
   ["#turn_left, #turn_right", "Turn", "Turns the hand by 1°; keep it pressed to go on."],
   ["#zoom_in, #zoom_out", "Zoom", "Shows a smaller or a larger part of the plane."],
   ["#fit", "Fit", "Shows the whole scene again."],
@@ -27,7 +30,20 @@ const WORDS = [
   ["figure:has(#strip_age)", "Age of the tool sample", "How old the tool's place is when the motor uses it. Old news makes the feel softer.", EXPERT],
   ["#scene_name", "Scene", "The tool and what it works on. Another one begins at its start."],
   ["#start_scene", "Back to the start", "Puts tool and hand back to where the scene begins. It clears a fault, too, and turns the force on again."],
+  ["#next_scene", "Next", "Loads the next task."],
+  ["#guide_play", "Show me", "The hand shows how it is done, until you lead it yourself."],
+  ["#guide_step", "Step", "Shows a tenth of the way, then waits."],
+  ["#guide_slow", "Slow", "Shows it at a quarter of the speed. What the tool works on is not slowed."],
+  ["#legend > summary", "What the colours mean", "Each colour and mark in the plane."],
   ["#method_name", "Method", "How the computer works out the motion. Auto takes the best one for the scene.", EXPERT],
+  ["#add_wall", "Add wall", "Puts a wall beside the handle. You feel it at once."],
+  [slid("wall_", "_place"), "Place of a wall", "How far it is from the middle. Its dot in the plane can be dragged, too."],
+  [slid("wall_", "_direction"), "Direction of a wall", "Which way its free side looks."],
+  [slid("wall_", "_stiffness"), "Stiffness of a wall", "How hard it is. The band below shows what stays stable."],
+  [slid("wall_", "_damping"), "Damping of a wall", "How much it brakes what pushes into it.", EXPERT],
+  [".wall > button", "Remove", "Takes this wall away."],
+  [slid("gain_", "_stiffness"), "How stiff the tool is held", "How hard the spring between handle and tool pulls. The band below shows what stays stable."],
+  [slid("gain_", "_damping"), "How damped", "How much the swing of that spring is braked. The band below shows what stays stable."],
   ["#undo, #redo", "Undo, redo", "Takes back the last change of settings, or makes it again."],
   ["#defaults", "Defaults", "Puts all settings back to those at the start, in one step."],
   ["#load", "Load", "Takes the settings of a file, such as Save makes."],
@@ -38,22 +54,36 @@ const WORDS = [
   [".gauge:has(#margin_theta)", "Passivity margin about θ", "The same for turning.", EXPERT],
   ["#figures", "Servo and exchange", "How late the motor's control loop runs (µs), how old the tool's place is (ms), and what was missed. 99 of 100 are below p99.", EXPERT],
   ["#nodes", "Nodes", "The running programs and what each says. ● well, ▲ warning, ■ error.", EXPERT],
-  ["#offers", "Exchange", "How handle and tool talk to each other, and a delay to try out. A change starts the programs again.", EXPERT],
+  ["#bag_path", "Saved in", "The folder of the last recording, to copy."],
+  ["a[href*='report.html']", "Report", "What happened in this recording, in figures."],
+  ["a[href*='film.html']", "Replay", "Plays this recording again."],
+  ["a[href*='film.gif']", "GIF", "A short moving picture of this recording, to send to others."],
+  ["#earlier > summary", "Recordings", "The recordings in the folder, the newest first."],
+  ["#bags input", "Choose", "Choose two recordings to replay them on top of each other."],
+  ["#offers, #offers select, #offers input", "Exchange", "How handle and tool talk to each other, and a delay to try out. A change starts the programs again.", EXPERT],
   ["#tone", "Tone", "A sound that grows with the force.", EXPERT],
   ["#looking", "View-only link", "Whoever opens it sees all this and moves nothing.", EXPERT],
   ["#rates", "Pictures per second", "How many come and are drawn, and how busy the viewer is.", EXPERT],
   ["#words .fold", "What is what", "All these explanations in one list."],
 ];
 
+// All fields and sliders of a row whose slider's id begins and ends so.
+function slid(begin, end) {
+  return `.tuned:has([id^='${begin}'][id$='${end}']) input`;
+}
+
 // list: the <dl> that they are put into; line: where the one that is wanted is shown, else the text of `otherwise`.
 export function explain(list, line, otherwise) {
   WORDS.forEach(([selector, name, text, expert], i) => {
-    const pair = document.createElement("div");
+    const pair = element("div");
     if (expert) pair.dataset.layer = "expert";
-    pair.append(made("dt", name), made("dd", text, `about_${i}`));
+    pair.append(element("dt", { textContent: name }), element("dd", { textContent: text, id: `about_${i}` }));
     list.append(pair);
-    for (const one of document.querySelectorAll(selector)) describe(one, `about_${i}`);
   });
+  describeAll(document.body);
+  new MutationObserver((changes) => {
+    for (const { addedNodes } of changes) for (const one of addedNodes) if (one.matches) describeAll(one);
+  }).observe(document.querySelector("aside"), { childList: true, subtree: true });
   const tell = (target) => {
     const text = wordsOf(target) || wordsOf(document.activeElement);
     if (line.textContent !== text) line.textContent = text;
@@ -70,11 +100,15 @@ function wordsOf(target) {
   return found ? `${found[1]}: ${found[2]}` : one.labels?.[0]?.querySelector("small")?.textContent ?? "";
 }
 
-function describe(one, id) {
-  const before = one.getAttribute("aria-describedby");
-  one.setAttribute("aria-describedby", before ? `${before} ${id}` : id);
+// What is explained in a part of the page that has been put there, once each.
+function describeAll(part) {
+  WORDS.forEach(([selector], i) => {
+    const found = [...part.querySelectorAll(selector)];
+    for (const one of part.matches(selector) ? [part, ...found] : found) describe(one, `about_${i}`);
+  });
 }
 
-function made(kind, textContent, id = "") {
-  return Object.assign(document.createElement(kind), id ? { textContent, id } : { textContent });
+function describe(one, id) {
+  const before = one.getAttribute("aria-describedby")?.split(" ") ?? [];
+  if (!before.includes(id)) one.setAttribute("aria-describedby", [...before, id].join(" "));
 }

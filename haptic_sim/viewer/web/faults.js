@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The banner: what is wrong, why, what to do, and one button that does it. It stays until that is done.
 
-import { element } from "./element.js";
+import { element, put } from "./element.js";
 
 export class Banner {
   // press(title) is called by the button, with the title of what it shall mend.
@@ -46,8 +46,4 @@ export class Banner {
     put(this.answer, sentence);
     this.button.disabled = waiting;
   }
-}
-
-function put(place, text) {
-  if (place.textContent !== text) place.textContent = text;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Panels that fold: the title of each is a button, and what was folded or opened stays so, of lists of settings too.
 
+import { element } from "./element.js";
 import { keep, recall } from "./memory.js";
 
 const known = read();
@@ -21,10 +22,7 @@ export function foldable(place) {
 
 function fold(panel) {
   const title = panel.querySelector("h2");
-  const button = document.createElement("button");
-  button.type = "button";
-  button.className = "fold";
-  button.textContent = title.textContent;
+  const button = element("button", { type: "button", className: "fold", textContent: title.textContent });
   title.replaceChildren(button);
   const show = (open) => {
     button.setAttribute("aria-expanded", String(open));

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // States, faults, lateness and the passivity margin, from the nodes' diagnostics.
 
-import { element } from "./element.js";
+import { element, put } from "./element.js";
 
 const LEVELS = { idle: "warn", "waiting for a small force": "warn", engaging: "warn", engaged: "good", fault: "bad" };
 const FIGURES = [
@@ -49,10 +49,6 @@ function showState(driver, { trouble, unfelt }) {
   const told = document.getElementById("withheld");
   put(told, unfelt.todo);
   told.hidden = !unfelt.todo;
-}
-
-function put(place, text) {
-  if (place.textContent !== text) place.textContent = text; // else it would be read out again
 }
 
 function showProblem(status) {

@@ -2,7 +2,7 @@
 // Puts the page together: what comes from the viewer goes to the parts that show it, what people do goes back.
 
 import { explain } from "./about.js";
-import { element } from "./element.js";
+import { byId, element, put } from "./element.js";
 import { Banner } from "./faults.js";
 import { foldable } from "./folds.js";
 import { Hand, turning } from "./hand.js";
@@ -25,7 +25,6 @@ import { Tuning } from "./tuning.js";
 import { WallDots } from "./wall_dots.js";
 import { Walls } from "./walls.js";
 
-const byId = (id) => document.getElementById(id);
 const HINT = 3000; // ms that a hint stays
 const BY_TOUCH = "Drag: lead the hand until you let go. Hold: it stays. Two fingers: move the view and zoom.";
 const ALL_FELT = { words: "", todo: "" };
@@ -152,10 +151,12 @@ function settled(answer) {
 function connected(open, sentence) {
   const banner = byId("banner");
   document.body.classList.toggle("lost", !open);
-  if (banner.textContent !== sentence) banner.textContent = sentence; // else it would be read out again
+  put(banner, sentence);
   banner.hidden = open;
-  if (open) forgetUnsent();
-  else {
+  if (open) {
+    forgetUnsent();
+    fault.say("", false); // what was asked for before is answered to nobody
+  } else {
     byId("state").textContent = "no viewer";
     byId("state").dataset.level = "bad";
   }
@@ -163,8 +164,14 @@ function connected(open, sentence) {
 
 function lead(place) {
   if (!control) hint("This page is view-only.");
-  else if (place === null) hint("There is no simulated hand to lead: haptic_loopback is not heard of.");
+  else if (place === null) hint(without());
   else link.say({ do: "aim", ...place });
+}
+
+// Why there is no hand to lead: the driver has a real device, or nothing runs yet.
+function without() {
+  const real = driverOf(status) && !status.nodes.haptic_loopback;
+  return real ? "This is a real device: move its handle yourself." : "There is no hand to lead yet.";
 }
 
 function hint(sentence) {
@@ -199,14 +206,14 @@ function record(frame) {
 
 function showNumbers(frame) {
   const force = frame.felt ?? frame.force;
-  put("force", withUnit(force && Math.hypot(force[0], force[1]), 2, "N"));
-  put("torque", withUnit(force && force[2], 3, "N m"));
-  put("stretch", withUnit(stretch(frame), 2, "mm"));
+  put(byId("force"), withUnit(force && Math.hypot(force[0], force[1]), 2, "N"));
+  put(byId("torque"), withUnit(force && force[2], 3, "N m"));
+  put(byId("stretch"), withUnit(stretch(frame), 2, "mm"));
   task.show(frame);
   const names = view.scene?.results ?? [];
   const place = byId("results");
   if (place.childElementCount !== names.length || place.dataset.names !== names.join()) build(place, names);
-  names.forEach((name, i) => put(`result_${name}`, shown(frame.results[i], 3)));
+  names.forEach((name, i) => put(byId(`result_${name}`), shown(frame.results[i], 3)));
 }
 
 function withUnit(number, digits, unit) {
@@ -223,11 +230,6 @@ function build(place, names) {
   }));
 }
 
-function put(id, text) {
-  const place = byId(id);
-  if (place.textContent !== text) place.textContent = text;
-}
-
 let drawnBefore = 0;
 let receivedBefore = 0;
 
@@ -238,5 +240,5 @@ function showRates() {
   drawnBefore = count;
   receivedBefore = link.received;
   Object.assign(document.documentElement.dataset, { drawn, received, cpu: own?.cpu ?? "", tone: tone.gain ?? "" });
-  put("rates", `${received} frames/s received, ${drawn} drawn; viewer takes ${own ? Math.round(100 * own.cpu) : "–"} % of a core, ${own?.pages ?? 0} pages`);
+  put(byId("rates"), `${received} frames/s received, ${drawn} drawn; viewer takes ${own ? Math.round(100 * own.cpu) : "–"} % of a core, ${own?.pages ?? 0} pages`);
 }

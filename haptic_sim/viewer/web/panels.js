@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scene and exchange: what they show and what they ask for.
 
-import { element } from "./element.js";
+import { byId, element } from "./element.js";
 import { slider } from "./slider.js";
 import { limits } from "./tuning.js";
 
@@ -27,8 +27,7 @@ export class Panels {
     this.link.say(message);
   }
 
-  welcome({ scenes, methods, looking }) {
-    fill(byId("scene_name"), scenes);
+  welcome({ methods, looking }) {
     fill(byId("method_name"), methods);
     byId("looking").value = looking;
   }
@@ -110,8 +109,4 @@ export function say(place, sentence, done) {
 
 function fill(box, names) {
   box.replaceChildren(...names.map((name) => element("option", { textContent: name, value: name })));
-}
-
-function byId(id) {
-  return document.getElementById(id);
 }

@@ -2,9 +2,7 @@
 // Recording: what the recorder does, where the bag is, and its report and replay, which open in a tab of their own.
 
 import { say } from "./panels.js";
-import { element } from "./element.js";
-
-const byId = (id) => document.getElementById(id);
+import { byId, element, put } from "./element.js";
 
 export class RecordingPanel {
   constructor(link) {
@@ -40,7 +38,7 @@ export class RecordingPanel {
     button.disabled = ["no recorder", "starting", "saving"].includes(state);
     button.textContent = state === "no recorder" ? "No recorder runs" : on ? "Stop recording" : "Record";
     button.setAttribute("aria-pressed", String(on));
-    put("record_state", state === "no recorder" ? "" : state);
+    put(byId("record_state"), state === "no recorder" ? "" : state);
     this.showClock();
   }
 
@@ -48,7 +46,7 @@ export class RecordingPanel {
   showClock() {
     const { state, seconds } = this.news;
     const passed = Math.floor(seconds + (performance.now() - this.heard) / 1e3);
-    put("record_clock", state === "recording" ? clock(passed) : "");
+    put(byId("record_clock"), state === "recording" ? clock(passed) : "");
   }
 
   showSaved() {
@@ -66,7 +64,7 @@ export class RecordingPanel {
     const told = JSON.stringify(bags);
     if (told === this.listed) return;
     this.listed = told;
-    put("bag_count", String(bags.length));
+    put(byId("bag_count"), String(bags.length));
     const there = new Set(bags.map(({ name }) => name));
     this.chosen = new Set([...this.chosen].filter((name) => there.has(name)));
     byId("bags").replaceChildren(...bags.map((bag) => this.row(bag)));
@@ -104,7 +102,7 @@ export class RecordingPanel {
 }
 
 function links(names) {
-  return [page("Report", "report.html", names), page("Replay", "film.html", names)];
+  return [page("Report", "report.html", names), page("Replay", "film.html", names), page("GIF", "film.gif", names)];
 }
 
 function page(text, file, names) {
@@ -116,8 +114,4 @@ function page(text, file, names) {
 
 function clock(seconds) {
   return `${Math.floor(seconds / 60)}:${String(seconds % 60).padStart(2, "0")}`;
-}
-
-function put(id, text) {
-  if (byId(id).textContent !== text) byId(id).textContent = text;
 }

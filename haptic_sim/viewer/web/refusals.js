@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // A refusal goes once it is no longer true: what was refused is edited, or the connection that lacked is there.
 
-// Forgets the refusals that stand beside what is edited.
+import { byId } from "./element.js";
+
+// Forgets the refusals that stand beside what is edited, or where its data-answer says.
 export function forgetWhenEdited() {
   document.addEventListener("input", (event) => {
+    const answer = byId(event.target.dataset.answer);
+    if (answer) forget(answer);
     for (let place = event.target.parentElement; place; place = place.parentElement) place.querySelectorAll(":scope > .refused").forEach(forget);
   });
 }

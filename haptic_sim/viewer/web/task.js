@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The task card: what to do in this scene, how far it is, and the hand that shows the way.
 
-import { element } from "./element.js";
+import { byId, element, put } from "./element.js";
 
 const OTHERS = "Test cases";
 
@@ -36,7 +36,8 @@ export class TaskCard {
     this.scene = scene;
     this.reached = this.stale = false;
     const task = scene?.task;
-    byId("task_title").textContent = task?.title ?? "Scene";
+    const title = byId("task_title");
+    put(title.querySelector("button") ?? title, task?.title ?? "This scene"); // the button folds the card
     byId("goal").textContent = task?.goal ?? (scene ? `${scene.description}.` : "–");
     byId("task_hint").textContent = task?.hint ?? "";
     byId("done").textContent = "";
@@ -122,8 +123,4 @@ function paint(place, words, share) {
 
 function option(value, textContent) {
   return element("option", { value, textContent });
-}
-
-function byId(id) {
-  return document.getElementById(id);
 }

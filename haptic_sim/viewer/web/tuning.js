@@ -46,7 +46,7 @@ export class Tuning {
     const answer = element("p", { className: "answer", id: `${id}_answer` });
     answer.setAttribute("role", "status");
     const ask = (value) => this.ask(declared.name, value);
-    const { inputs, show, parts = inputs } = makers[declared.kind]({ ...declared, name: words ?? declared.name }, id, ask);
+    const { inputs, show, parts = inputs } = makers[declared.kind]({ ...declared, name: words ?? declared.name, word: words ? "stable" : "passive" }, id, ask);
     row.append(label, ...parts, answer);
     const field = { show, answer, inputs, edited: false };
     row.addEventListener("input", () => {

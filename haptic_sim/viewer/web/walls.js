@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The panel of the servo's walls: one is added, moved, turned, made stiffer and removed, always all of its values at once.
 
-import { element } from "./element.js";
+import { byId, element } from "./element.js";
 import { slider } from "./slider.js";
 import { angleOf, aside, besides, onto, turned, valuesOf, wallsOf, yielding } from "./wall.js";
 
@@ -148,7 +148,7 @@ export class Walls {
     const expert = element("small", { textContent: name });
     expert.dataset.layer = "expert";
     label.append(expert);
-    const { parts, show } = slider({ ...declared, name: `${words} of wall ${i + 1}` }, id, (value) => ask(value, id));
+    const { parts, show } = slider({ ...declared, name: `${words} of wall ${i + 1}`, word: "stable" }, id, (value) => ask(value, id));
     const row = element("div", { className: "tuned" });
     row.append(label, ...parts);
     parts[0].setAttribute("aria-label", `${words} of wall ${i + 1}`);
@@ -162,8 +162,4 @@ export class Walls {
     const corner = Math.hypot(Math.max(...x.map(Math.abs)), Math.max(...y.map(Math.abs)));
     return 10 * Math.ceil(100 * corner);
   }
-}
-
-function byId(id) {
-  return document.getElementById(id);
 }
