@@ -47,7 +47,7 @@ PHOTOGRAPHS = ROOT / "build" / "browser"
 ON_TIME = Display(0.0, 1.0, 0.5, 1e-3, mass=0.1)
 LATE = Display(0.0, 1.0, 0.5, 1e-3, mass=0.1, delay_samples=1.0)
 LATENESS = 1e-4  # s
-SHOTS = ("peg", "wrench", "fault", "refused", "dark_1280", "phone")
+SHOTS = ("peg", "nut", "fault_position", "wall_at_hand", "task_dark", "phone")
 
 
 def main(folder: Annotated[Path, typer.Argument(show_default="docs")] = ROOT / "docs") -> None:

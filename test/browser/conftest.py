@@ -39,6 +39,11 @@ POINT = Path(__file__).parents[1] / "busy.yaml"
 PATIENCE, COMPILING = 120.0, 180.0  # s for what a busy machine does in one, and with kernels that nobody has used yet
 
 
+def pytest_collection_modifyitems(items):
+    """Pages without nodes come first: nodes take both cores from then on."""
+    items.sort(key=lambda item: "system" in item.fixturenames)
+
+
 def pytest_terminal_summary(terminalreporter):
     """The figures that were found."""
     for name, wanted, found in FIGURES:

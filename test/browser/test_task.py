@@ -182,12 +182,14 @@ def test_the_view_moves_with_the_right_button_shift_and_buttons_and_zooms_about_
     planes = page.page.evaluate("""() => import("./plane.js").then(({ Plane }) => {
         const plane = new Plane(document.getElementById("scene"));
         const near = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]) < 1e-9;
-        const before = plane.toWorld([100, 200]);
-        plane.zoomBy(2, [100, 200]);
-        const kept = near(before, plane.toWorld([100, 200]));
+        const { clientWidth, clientHeight } = plane.canvas;
+        const [x0, y0] = [clientWidth / 2 - 30, clientHeight / 2 + 20];
+        const before = plane.toWorld([x0, y0]);
+        plane.zoomBy(2, [x0, y0]);
+        const kept = near(before, plane.toWorld([x0, y0]));
         plane.fit();
         plane.pan(30, -20);
-        const moved = near(before, plane.toWorld([130, 180]));
+        const moved = near(before, plane.toWorld([x0 + 30, y0 - 20]));
         plane.pan(1e9, 0);
         const [x] = plane.toPixels([plane.room[0], 0]);
         return { kept, moved, held: x > 0 && x <= plane.canvas.width };

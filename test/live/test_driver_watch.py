@@ -141,7 +141,7 @@ class Waiting(ServoThread):
 def waiting(driver):
     """A driver that waits for a tool to enable by itself; its servo runs."""
     serve(driver)
-    driver.servo, driver.report = Waiting(), SimpleNamespace(say=lambda row: None)
+    driver.servo, driver.report = Waiting(), SimpleNamespace(say=lambda row: None, fault_detail=lambda row: "")
     return driver
 
 

@@ -104,6 +104,7 @@ function row() {
   const meter = element("div", { role: "meter" });
   meter.setAttribute("aria-valuemin", "0");
   meter.setAttribute("aria-valuemax", "100");
+  meter.setAttribute("aria-label", "how far it is"); // until the first frame comes
   meter.append(element("i"));
   const both = element("div", { className: "progress" });
   both.append(element("span"), meter);
