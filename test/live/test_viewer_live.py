@@ -66,7 +66,7 @@ def shown(ros_domain):
     rclpy.init(context=context, domain_id=ros_domain, signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("haptic_viewer", namespace="/haptic", context=context)
     try:
-        yield viewer.Viewer(node, declare(node, PARAMETERS)), context
+        yield viewer.Viewer(node, declare(node, PARAMETERS) | {"port": 0}), context
     finally:
         node.destroy_node()
         context.shutdown()
