@@ -106,9 +106,11 @@ def added(tab, stage, count=1):
 
 
 def dragged(tab, kind, x, y):
-    """Drags a dot of the first wall by so many pixels."""
+    """Drags a dot of the first wall by so many pixels, once it rests."""
     tab.until(f"document.querySelector('.dot.{kind}')?.style.transform")
-    box = tab.page.locator(f".dot.{kind}").first.bounding_box()
+    dot, box = tab.page.locator(f".dot.{kind}").first, None
+    while box != (box := dot.bounding_box()):
+        tab.page.wait_for_timeout(200)  # longer than the page takes for a wish
     at = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     tab.page.mouse.move(*at)
     tab.page.mouse.down()

@@ -104,7 +104,8 @@ function row() {
   const meter = element("div", { role: "meter" });
   meter.setAttribute("aria-valuemin", "0");
   meter.setAttribute("aria-valuemax", "100");
-  meter.setAttribute("aria-label", "how far it is"); // until the first frame comes
+  meter.setAttribute("aria-valuenow", "0"); // until the first frame comes, as its name
+  meter.setAttribute("aria-label", "how far it is");
   meter.append(element("i"));
   const both = element("div", { className: "progress" });
   both.append(element("span"), meter);
