@@ -136,6 +136,22 @@ def test_a_device_of_one_axis_has_walls_across_it_that_do_not_turn(page, stage):
     assert page.page.locator("#wall_1_direction, .dot.turn").count() == 0
 
 
+def test_what_is_typed_counts_though_the_slider_was_moved_just_before(page, stage):
+    page.page.evaluate("""() => new Promise((done) => {
+        const slider = document.getElementById("gain_coupling_stiffness"), number = slider.nextElementSibling;
+        for (const value of [400, 410]) { // the second waits until it is sent
+            slider.value = value;
+            slider.dispatchEvent(new Event("input", { bubbles: true }));
+        }
+        number.value = "750";
+        number.dispatchEvent(new Event("change", { bubbles: true }));
+        setTimeout(done, 200); // behind what the slider had waiting
+    })""")
+    put(page, "gain_coupling_damping", 1.5)
+    until(page, lambda: stage.driver["coupling.damping"] == 1.5)
+    assert stage.driver["coupling.stiffness"] == 750
+
+
 def test_a_wall_is_dragged_along_its_normal_and_turned_about_itself(page, stage):
     added(page, stage)
     dragged(page, "move", 30, 60)

@@ -14,7 +14,11 @@ const SETTLED = 600; // ms that a slider whose value is dear must have been left
 export function slider(declared, id, ask, once = false) {
   const { name, low, high, unit, kind, steps = STEPS, even = false, felt = [low, high], word = "passive" } = declared;
   const number = element("input", { type: "number", min: low, max: high, step: "any" });
-  number.addEventListener("change", () => number.value !== "" && ask(Number(number.value)));
+  let last = null; // timer of what the slider has not sent yet
+  number.addEventListener("change", () => {
+    clearTimeout(last);
+    if (number.value !== "") ask(Number(number.value));
+  });
   const showNumber = (value) => (number.value = Number(value.toPrecision(6)));
   if (!felt) {
     Object.assign(number, { id, className: "wide" });
@@ -24,7 +28,6 @@ export function slider(declared, id, ask, once = false) {
   const band = new Band(id);
   let scale = scaleOf(felt, even);
   let due = 0;
-  let last = null;
   number.setAttribute("aria-label", `${name} as a number`);
   range.setAttribute("aria-describedby", band.text.id);
   const valueOf = () => {
