@@ -136,6 +136,17 @@ def test_a_device_of_one_axis_has_walls_across_it_that_do_not_turn(page, stage):
     assert page.page.locator("#wall_1_direction, .dot.turn").count() == 0
 
 
+def test_the_stiffness_of_one_wall_leaves_that_of_another_alone(page, stage):
+    added(page, stage)
+    added(page, stage, 2)
+    first, second = stage.walls["stiffness"]
+    put(page, "wall_2_stiffness", 20)
+    until(page, lambda: stage.walls["stiffness"][1] == 20)
+    assert second != 20 and stage.walls["stiffness"] == [first, 20]
+    put(page, "wall_1_stiffness", 30)
+    until(page, lambda: stage.walls["stiffness"] == [30, 20])
+
+
 def test_what_is_typed_counts_though_the_slider_was_moved_just_before(page, stage):
     page.page.evaluate("""() => new Promise((done) => {
         const slider = document.getElementById("gain_coupling_stiffness"), number = slider.nextElementSibling;
