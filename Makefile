@@ -22,8 +22,8 @@ help:
 	@echo "make check   lint, types, import contracts, and all tests that need no live node"
 	@echo "make test    make check, and the tests of live nodes"
 	@echo "make soak    what takes long or breaks things on purpose: CONTRIBUTING.md lists it"
-	@echo "make bench   measurements in their short form, and the table of docs/performance.md made of them"
-	@echo "make docs    write docs/parameters.md and docs/faults.md from the code"
+	@echo "make bench   measurements in their short form, and the table of docs/benchmarks/performance.md made of them"
+	@echo "make docs    write docs/reference/parameters.md and docs/reference/faults.md from the code"
 	@echo "make test-browser   the page in a real Chromium; as root it installs one if there is none"
 	@echo "make clean   remove .venv and everything built"
 
@@ -74,7 +74,7 @@ soak: setup
 	$(BIN)/python -m pytest --hypothesis-profile=search --timeout=0 $$(grep -l "from examples import" test/unit/test_*.py)
 
 bench: setup
-	$(BIN)/python -m bench all --short --out bench_results/$(shell date +%F_%H%M) --insert docs/performance.md
+	$(BIN)/python -m bench all --short --out bench_results/$(shell date +%F_%H%M) --insert docs/benchmarks/performance.md
 
 test-browser: setup $(BROWSER)
 	$(BIN)/python test/browser/chromium.py
@@ -85,8 +85,8 @@ $(BROWSER): $(READY)
 	@touch $@
 
 docs: setup
-	$(BIN)/haptic docs --out docs/parameters.md
-	$(BIN)/haptic docs --faults --out docs/faults.md
+	$(BIN)/haptic docs --out docs/reference/parameters.md
+	$(BIN)/haptic docs --faults --out docs/reference/faults.md
 
 clean:
 	rm -rf $(VENV) build install log dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis .import_linter_cache

@@ -42,7 +42,7 @@ from reference.closed_forms import (
 )
 
 ROOT = Path(__file__).parents[1]
-STORED = ROOT / "docs" / "methods"
+STORED = ROOT / "docs" / "benchmarks"
 PHOTOGRAPHS = ROOT / "build" / "browser"
 ON_TIME = Display(0.0, 1.0, 0.5, 1e-3, mass=0.1)
 LATE = Display(0.0, 1.0, 0.5, 1e-3, mass=0.1, delay_samples=1.0)

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The device's side of docs/link_protocol.md: sessions, announced deadlines, watchdog, latched faults. All state is in
+ * The device's side of docs/reference/link_protocol.md: sessions, announced deadlines, watchdog, latched faults. All state is in
  * a struct haptic that the caller owns; nothing waits and nothing is allocated. Hardware is reached by haptic_board.h.
  */
 #ifndef HAPTIC_CORE_H

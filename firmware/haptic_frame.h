@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Frames of docs/link_protocol.md: CRC-32, COBS, numbers as little-endian bytes. No heap, no state.
+ * Frames of docs/reference/link_protocol.md: CRC-32, COBS, numbers as little-endian bytes. No heap, no state.
  */
 #ifndef HAPTIC_FRAME_H
 #define HAPTIC_FRAME_H

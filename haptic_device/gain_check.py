@@ -77,7 +77,7 @@ def _needs(settings, lateness, coupling=passivity.coupling_damping):
 
 
 def _switch_price(settings, normal, lateness):
-    """How many times its damping a wall needs because cancellation ends at it (docs/passivity.md).
+    """How many times its damping a wall needs because cancellation ends at it (docs/theory/passivity.md).
 
     Nothing is paid where the band is no narrower than the handle's longest way towards the wall in one tick.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A device at the other end of an open link, written from docs/link_protocol.md alone, and a host that runs a codec.
+"""A device at the other end of an open link, after docs/reference/link_protocol.md alone, and a host that runs a codec.
 
 Nothing here takes time: the tests say what time it is [ns of the host's clock].
 """

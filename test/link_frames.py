@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames of docs/link_protocol.md by struct and zlib alone: what both sides of the link are judged by.
+"""Frames of docs/reference/link_protocol.md by struct and zlib alone: what both sides of the link are judged by.
 
 Motors, counts and forces are tuples of 3; times are ns of the device's clock.
 """

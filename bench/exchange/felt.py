@@ -18,7 +18,7 @@ from reference import peg
 SMOOTHED = 0.1  # [s] of the polynomial that drag and mass are read from
 DAMPING = 0.5  # [N s/m] B of the coupling
 SHARE = 0.95  # of the stiffness 2 (b − B)/T that the device covers
-FINE = {"counts_per_unit": 1e8}  # what an encoder's step makes of a stiff spring is another matter (docs/passivity.md)
+FINE = {"counts_per_unit": 1e8}  # what an encoder's step makes of a stiff spring is docs/theory/passivity.md
 SMOOTH = FINE | {"coulomb": 0.0}  # where the device's dry friction would hold the handle
 NETWORKS = {
     "1 kHz": (Network(1e-3, seed=1), 1000.0),

@@ -2,7 +2,7 @@
  *
  * The least that a host and a device can do on a line, beside which ours is measured: `link_pair udp|pty RATE COUNT`.
  * The host announces a deadline, sleeps up to it and waits for the sample; the device latches at the deadline and
- * answers. Frames are those of docs/link_protocol.md, priorities those of servo and reference device. Prints for each
+ * answers. Frames are those of docs/reference/link_protocol.md, priorities those of servo and reference device. Prints for each
  * deadline how long after it the sample was in hand [ns], −1: not within half a period.
  */
 #define _GNU_SOURCE

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A device of one axis behind a library in C, served to the driver by a process of one's own (docs/your_device.md).
+ * A device of one axis behind a library in C, served to the driver by a process of one's own (docs/how_to/connect_a_device.md).
  * In place of the library stand two functions with a mass of 100 g between a spring and a damper. Compile and run:
  *
  *     cc -std=c99 -O2 -o own_device own_device.c && ./own_device [DOMAIN [NAMESPACE]]
@@ -66,7 +66,7 @@ int main(int argc, char **argv)
     printf("own_device: serves %s%s\n", page.path, page.stale ? ", left by a process that had died" : "");
     fflush(stdout);
     if (haptic_go_realtime(85) != 0)
-        fprintf(stderr, "own_device: without real-time scheduling, so samples may be late (docs/platform.md)\n");
+        fprintf(stderr, "own_device: without real-time scheduling, so samples may be late (docs/how_to/install.md)\n");
     handle.time = due = haptic_now_ns();
     while (!ended) {
         int64_t now = haptic_now_ns();

@@ -11,8 +11,8 @@ def least_damping(stiffness, damping, period, delay):
     """Physical damping b [N s/m] above which wall or coupling is passive: KT/2 + |B| (Colgate 1995, eq. 3).
 
     A force that acts `delay` [s] late, N + s periods, needs more: with A = KT (½ + N + s) the spring needs
-    ½ [A + √(A² + s(1−s)(KT)²)] (docs/passivity.md), exact for a constant delay and for writes late by anything up to it
-    while that is below T/2; the damper, acting over holds of up to T + delay, is charged |B| √(1 + delay/T).
+    ½ [A + √(A² + s(1−s)(KT)²)] (docs/theory/passivity.md), exact for a constant delay and for writes late by anything
+    up to it while that is below T/2; the damper, acting over holds of up to T + delay, is charged |B| √(1 + delay/T).
     """
     late = delay / period
     # late = N + s periods
@@ -27,9 +27,9 @@ def coupling_damping(stiffness, damping, period, delay):
     """Physical damping b [N s/m] above which a coupling to any passive simulation in step is passive.
 
     With a delay of N + s periods in the display's own loop, L = (1−s)(N+1)² + s(N+2)²: L KT/2 for the spring, exact
-    (docs/passivity.md), and |B| √(1 + delay/T) as for a wall. B < 0: L (KT/2)²/(KT/2 + B), and no b from −KT/2 on.
-    It is also what set-position modulation needs where each change of force that is not the handle's own is paid by
-    what it can give while it is late (late_price).
+    (docs/theory/passivity.md), and |B| √(1 + delay/T) as for a wall.
+    B < 0: L (KT/2)²/(KT/2 + B), and no b from −KT/2 on. It is also what set-position modulation needs where each change
+    of force that is not the handle's own is paid by what it can give while it is late (late_price).
     """
     late = delay / period
     whole = math.floor(late)

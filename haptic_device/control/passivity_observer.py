@@ -123,8 +123,9 @@ def _yield_at_limits(settings, observer, hold, motion, walls, whole):
     """What the walls' stores grew beside their ways [J], as they let go of what the hand was spared at a limit.
 
     Springs that together are beyond a limit push less than their stores say, by `clipped`: what the hand need not pay
-    on the way in is not stored, and what it does not get on the way out is there again (docs/passivity.md, proof 4).
-    whole: energy [J] in walls that have let go of nothing. What they cannot let go of the device's damper takes.
+    on the way in is not stored, and what it does not get on the way out is there again (docs/theory/passivity.md,
+    proof 4). whole: energy [J] in walls that have let go of nothing. What they cannot let go of the device's damper
+    takes.
     """
     kept = 0.0
     for i in range(min(2, int(settings.axes))):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One servo tick: the stages of the table "Servo" in docs/model.md, in its order."""
+"""One servo tick: the stages of the table "Servo" in docs/theory/model.md, in its order."""
 
 import numpy as np
 

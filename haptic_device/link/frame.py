@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames of the link protocol (docs/link_protocol.md) as bytes: header, CRC-32, COBS, little-endian numbers.
+"""Frames of the link protocol (docs/reference/link_protocol.md) as bytes: header, CRC-32, COBS, little-endian numbers.
 
 Buffers are uint8 arrays. Integers are handed over as int64; what does not fit a field loses its upper bits.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The host's side of the link protocol (docs/link_protocol.md): the codec of both open links, serial and UDP.
+"""The host's side of the link protocol (docs/reference/link_protocol.md): the codec of both open links, serial and UDP.
 
 Frames are whole datagrams, or coded by COBS on a stream of bytes. What they say is open_say's, what they tell
 open_hear's.

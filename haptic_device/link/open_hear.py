@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the host hears on an open link (docs/link_protocol.md): frames taken or refused, and what they tell.
+"""What the host hears on an open link (docs/reference/link_protocol.md): frames taken or refused, and what they tell.
 
 The link is ready when answers make a fit of the device's clock. A sample counts for a deadline only by what it echoes.
 One that nobody asked for is placed by the fitted clock: not after now, and before the newest deadline that is

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the host says on an open link (docs/link_protocol.md): the frame that an event of the codec asks for.
+"""What the host says on an open link (docs/reference/link_protocol.md): the frame that an event of the codec asks for.
 
 A new line, and one on which nothing came for SILENCE, begins a session: a random number, a hello each HELLO_AGAIN
 until the device greets, then questions for its clock (clock_fit.py).

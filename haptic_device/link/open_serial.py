@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A device that speaks the link protocol (docs/link_protocol.md) over a serial line.
+"""A device that speaks the link protocol (docs/reference/link_protocol.md) over a serial line.
 
 The compiler is imported where it is needed: who only reads a description does without.
 """

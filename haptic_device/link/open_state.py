@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the host keeps of a device on an open link (docs/link_protocol.md): the words of the codec's state.
+"""What the host keeps of a device on an open link (docs/reference/link_protocol.md): the words of the codec's state.
 
 Each frame that may be answered is remembered with its times, until it is answered or REMEMBERED frames later.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A device that speaks the link protocol (docs/link_protocol.md) over UDP.
+"""A device that speaks the link protocol (docs/reference/link_protocol.md) over UDP.
 
 The compiler is imported where it is needed: who only reads a description does without.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic docs`: writes docs/parameters.md and docs/faults.md from the code, so that they cannot disagree with it."""
+"""`haptic docs`: writes docs/reference/parameters.md and faults.md from the code, which they cannot disagree with."""
 
 import math
 from pathlib import Path
@@ -16,7 +16,7 @@ from haptic_sim.node_parameters import NODES
 
 HEAD = """# Parameters
 
-Generated from the declarations by `haptic docs --out docs/parameters.md`; do not edit.
+Generated from the declarations by `haptic docs --out docs/reference/parameters.md`; do not edit.
 
 A *live* parameter may be changed while the node runs (`haptic set`, `ros2 param set`), where `300` serves for `300.0`;
 the others are fixed at start. In a file numbers must be written as their type: `300.0`, not `300`, for a decimal
@@ -34,7 +34,7 @@ COLUMNS = "| name | default | unit | allowed | live | meaning |\n|---|---|---|--
 
 FAULTS = """# Faults
 
-Generated from `control/faults.py: TABLE` by `haptic docs --faults --out docs/faults.md`; do not edit.
+Generated from `control/faults.py: TABLE` by `haptic docs --faults --out docs/reference/faults.md`; do not edit.
 
 A fault is a latched reason why the motor is off. It stays until it is cleared: first what its row says, then
 

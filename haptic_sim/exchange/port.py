@@ -18,7 +18,7 @@ from haptic_sim.protocol import Coupling, Planar, StepResult, World
 class HandleSample(NamedTuple):
     """What the device side says: time [ns], position [m, m, rad], velocity, and the gains it couples with.
 
-    effort and energy: what the exchange method ships (docs/exchange.md).
+    effort and energy: what the exchange method ships (docs/theory/exchange.md).
     """
 
     time_ns: int

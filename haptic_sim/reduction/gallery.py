@@ -11,7 +11,7 @@ from haptic_sim.scene.language import Scene, load
 
 HEAD = """# Scenes
 
-Written by `haptic scenes --gallery docs/scenes`: each scene as it starts.
+Written by `haptic scenes --gallery docs/reference/scenes`: each scene as it starts.
 
 * Orange is the tool, light blue can move, grey is fixed. The cross is where the tool is held.
 * A ring is round a tool that is small in the picture.

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Asks what is at a serial port or a UDP address for its greeting (docs/link_protocol.md), and moves nothing by that.
+"""Asks what is at a serial port or a UDP address for its greeting, and moves nothing by that.
 
+The greeting is that of docs/reference/link_protocol.md.
 Each hello has a session of its own and none has a byte 2, which Haply's firmware would take for the beginning of a
 torque.
 """

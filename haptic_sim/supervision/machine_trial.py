@@ -39,7 +39,7 @@ def fastest(trials: dict) -> int:
     """The largest rate at which force is written within half a period but for one tick in a thousand, else the least.
 
     A missed tick is one of these: it writes nothing. Beyond half a period the damping that delay costs is no longer
-    what theory says (docs/passivity.md).
+    what theory says (docs/theory/passivity.md).
     """
     good = [
         rate

@@ -25,7 +25,7 @@ from haptic_sim.viewer.settings import DRIVER
 
 STALE = 0.5  # s after which what was said counts no more
 NOT_HELD = frozenset(("clutch", "waiting", "no_tool", "far_tool", "old_tool", "tank"))
-"""Causes of withheld force (docs/faults.md) by which the coupling does not hold the tool as it is drawn."""
+"""Causes of withheld force (docs/reference/faults.md) by which the coupling does not hold the tool as it is drawn."""
 SILENT = 3.0  # s after which a node that said nothing counts as gone
 _WRENCH = struct.Struct("<6d")
 

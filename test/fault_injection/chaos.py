@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The running demo loses nodes, processor time and peace on its network; a table of what was felt.
 
-`python test/fault_injection/chaos.py --help`; docs/safety.md says what the figures are.
+`python test/fault_injection/chaos.py --help`; docs/theory/safety.md says what the figures are.
 """
 
 import json as json_text

@@ -89,7 +89,7 @@ def test_a_table_of_other_columns_is_refused(tmp_path):
 
 
 def test_the_table_in_the_documents_is_that_of_the_stored_runs():
-    folder = ROOT / "docs" / "methods"
+    folder = ROOT / "docs" / "benchmarks"
     shown = (folder / "speed_error.md").read_text(encoding="utf-8").split("\n\n")[2].splitlines()
     of_runs = table.markdown(read_csv(folder / "speed_error.csv", Run)).splitlines()
     assert shown[1:] == of_runs[1:]  # the head has the versions of the peers that ran

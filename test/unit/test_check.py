@@ -149,7 +149,7 @@ def test_an_unknown_command_is_refused_and_help_lists_the_known_ones():
 
 
 def test_the_committed_table_of_parameters_is_up_to_date():
-    assert (ROOT / "docs/parameters.md").read_text() == markdown(NODES)
+    assert (ROOT / "docs/reference/parameters.md").read_text() == markdown(NODES)
 
 
 def test_docs_writes_the_table_to_standard_output_or_to_a_file(tmp_path):

@@ -23,8 +23,9 @@ from haptic_sim.node import simulation
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 README = ROOT / "README.md"
-MODEL, PLATFORM, CLI, PERFORMANCE = (ROOT / f"docs/{name}.md" for name in ("model", "platform", "cli", "performance"))
-SPEED_ERROR = ROOT / "docs/methods/speed_error.md"
+MODEL, INSTALL, CLI = (ROOT / f"docs/{name}.md" for name in ("theory/model", "how_to/install", "reference/cli"))
+ARCHITECTURE, PERFORMANCE = ROOT / "docs/theory/architecture.md", ROOT / "docs/benchmarks/performance.md"
+SPEED_ERROR = ROOT / "docs/benchmarks/speed_error.md"
 
 
 def rows(page, heading):
@@ -47,7 +48,7 @@ def test_the_tail_table_lists_each_entry_in_order():
 
 
 def test_the_fault_table_is_that_of_the_law():
-    assert (ROOT / "docs/faults.md").read_text(encoding="utf-8") == fault_table()
+    assert (ROOT / "docs/reference/faults.md").read_text(encoding="utf-8") == fault_table()
 
 
 def test_the_method_table_lists_each_exchange_method_in_order():
@@ -74,7 +75,7 @@ def test_each_service_of_a_node_stands_in_the_service_table():
 
 
 def test_priorities_on_the_platform_page_are_those_of_the_threads():
-    listed = {row[0]: int(row[1]) for row in rows(PLATFORM, "Priorities")}
+    listed = {row[0]: int(row[1]) for row in rows(INSTALL, "Priorities")}
     assert listed == {
         "plant": loopback.PRIORITY,
         "bridge": bridge.PRIORITY,
@@ -97,9 +98,9 @@ def test_links_and_paths_lead_somewhere(page):
         assert (ROOT / path).exists(), path
 
 
-@pytest.mark.parametrize("name", ["ARCHITECTURE.md", "CONTRIBUTING.md"])
-def test_each_file_that_a_tour_of_the_tree_names_exists(name):
-    for part in re.split(r"\n\n|\n(?=\*|\d+\. )", (ROOT / name).read_text(encoding="utf-8")):
+@pytest.mark.parametrize("page", [ARCHITECTURE, ROOT / "CONTRIBUTING.md"], ids=lambda page: page.name)
+def test_each_file_that_a_tour_of_the_tree_names_exists(page):
+    for part in re.split(r"\n\n|\n(?=\*|\d+\. )", page.read_text(encoding="utf-8")):
         room = ROOT
         for path in re.findall(r"`([\w./-]+\.(?:py|md|yaml|toml))`", part):
             assert (ROOT / path).exists() or (room / path).exists(), path
@@ -107,7 +108,7 @@ def test_each_file_that_a_tour_of_the_tree_names_exists(name):
 
 
 def test_the_tour_of_the_tree_names_each_room():
-    text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    text = ARCHITECTURE.read_text(encoding="utf-8")
     folders = {file.parent for room in ("haptic_device", "haptic_sim") for file in (ROOT / room).rglob("*.py")}
     rooms = {str(folder.relative_to(ROOT)) for folder in folders} - {"haptic_device", "haptic_sim"}
     assert {room for room in rooms if f"`{room}`" not in text} == set()
@@ -163,8 +164,8 @@ def test_the_small_tables_of_the_readme_are_rows_of_the_long_ones():
 
 
 def test_the_policy_for_sros2_names_every_topic_of_the_model_and_nothing_else():
-    policy = ElementTree.parse(ROOT / "docs/sros2/policy.xml")
+    policy = ElementTree.parse(ROOT / "docs/reference/sros2/policy.xml")
     named = {topic.text for topic in policy.iter("topic")}
     assert named == {row[0] for row in rows(MODEL, "Topics")} - {"/parameter_events"}
     for included in policy.iter("{http://www.w3.org/2001/XInclude}include"):
-        assert ElementTree.parse(ROOT / "docs/sros2" / included.get("href")).getroot().tag == "profile"
+        assert ElementTree.parse(ROOT / "docs/reference/sros2" / included.get("href")).getroot().tag == "profile"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Limits of the force keep the promise of docs/passivity.md: no way of the hand gains from walls and a spring."""
+"""Limits of the force keep what docs/theory/passivity.md promises: no way of the hand gains from walls and spring."""
 
 import math
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `haptic COMMAND --help` and docs/cli.md say of a command is all that there is to it."""
+"""What `haptic COMMAND --help` and docs/reference/cli.md say of a command is all that there is to it."""
 
 import importlib
 import inspect
@@ -15,7 +15,7 @@ from in_process import haptic
 
 from haptic_sim.cli.main import COMMANDS
 
-PAGE = (Path(__file__).parents[2] / "docs/cli.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs/reference/cli.md").read_text(encoding="utf-8")
 
 
 def functions():

@@ -54,7 +54,7 @@ def test_parameters_measurements_and_pages_name_what_is_registered():
 
     assert get_args(Parameters.model_fields["method"].annotation) == (AUTO, *offered())
     assert tuple(METHODS) == measured_worlds.OURS
-    page = (DOCS / "methods.md").read_text(encoding="utf-8")
+    page = (DOCS / "theory/methods.md").read_text(encoding="utf-8")
     assert [name for name in METHODS if f"`{name}`" not in page] == []
 
 

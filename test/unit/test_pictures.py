@@ -17,7 +17,7 @@ from haptic_device.analysis.zwidth import NAMES, Outcome, Setup
 from haptic_device.analysis.zwidth_map import Plane, Request
 
 ROOT = Path(__file__).parents[2]
-STORED = ROOT / "docs" / "methods"
+STORED = ROOT / "docs" / "benchmarks"
 
 
 def saved(monkeypatch, save, *words):
@@ -92,7 +92,9 @@ def test_the_picture_of_growth_has_no_empty_panel_and_says_which_bodies():
     assert [axes.get_title().split(":")[0] for axes in shown] == list(growth.WORLDS)
 
 
-@pytest.mark.parametrize("page", ["passivity.md", "zwidth.md", "methods.md", "scenes/README.md"])
+@pytest.mark.parametrize(
+    "page", ["theory/passivity.md", "how_to/zwidth.md", "theory/methods.md", "reference/scenes/README.md"]
+)
 def test_every_picture_in_the_documents_says_what_is_on_it(page):
     text = (ROOT / "docs" / page).read_text(encoding="utf-8")
     words = re.findall(r"!\[([^\]]*)\]\(", text) + re.findall(r'<img [^>]*alt="([^"]*)"', text)

@@ -14,7 +14,7 @@ from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene.language import load
 
 PACKAGE = Path(haptic_sim.__file__).parent
-PAGE = PACKAGE.parent / "ARCHITECTURE.md"
+PAGE = PACKAGE.parent / "docs/theory/architecture.md"
 MOST = 8  # files of haptic_sim, the node's among them
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/your_device.md: the description and the link that it shows are taken as they stand."""
+"""docs/how_to/connect_a_device.md: the description and the link that it shows are taken as they stand."""
 
 import importlib
 import re
@@ -15,7 +15,7 @@ from haptic_device.description import load_device
 from haptic_device.link import codec as c
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = (ROOT / "docs/your_device.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/how_to/connect_a_device.md").read_text(encoding="utf-8")
 MS = 1_000_000  # [ns]
 
 
