@@ -7,7 +7,6 @@ answered by what the class Seen keeps: `hold` lets nothing pass, `pass` everythi
 host, `open` gives it a new one; `tell`. A serial device that is gone takes the line away, until it is there.
 """
 
-import collections
 import contextlib
 import gc
 import json
@@ -26,12 +25,11 @@ AGAIN = 0.02  # [s] between looks for a device that is gone
 
 class Seen:
     """pushed: when the last command went to the device that has a motor value other than 0, commanded: when the last
-    of all did; its motors [ns, motor units]. applied: when the device says that commands began to act, of the last ones
-    [ns of its clock]; cut: whether its last sample says that its watchdog has cut."""
+    of all did; its motors [ns, motor units]. cut: whether the device's last sample says that its watchdog has cut."""
 
     def __init__(self):
         self.pushed = self.commanded = 0
-        self.motors, self.applied, self.cut = (), collections.deque([0], 200), False
+        self.motors, self.cut = (), False
 
     def command(self, frame):
         """Takes a frame on its way to the device."""
@@ -43,13 +41,7 @@ class Seen:
     def answer(self, frame):
         """Takes a frame on its way to the host."""
         if frame.kind == link.SAMPLE:
-            said = link.sample(frame)
             self.cut = bool(frame.flags & link.CUT)
-            if said.applied > self.applied[-1]:
-                self.applied.append(said.applied)
-
-    def told(self):
-        return vars(self) | {"applied": list(self.applied)}
 
 
 class Datagrams:
@@ -177,7 +169,7 @@ def run(line):
             elif order in (b"close", b"open"):
                 line.closed = order == b"close"
                 line.close() if line.closed else line.look()
-            print(json.dumps(seen.told()), flush=True)
+            print(json.dumps(vars(seen)), flush=True)
 
 
 if __name__ == "__main__":

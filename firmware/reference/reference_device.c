@@ -58,7 +58,11 @@ int64_t board_write_motors(int64_t now, const float motors[3]) {
     for (int i = 0; i < 3; i++) {
         force[i] = settings.motor_sign[i] * settings.motor_constant[i] * (double)motors[i];
     }
-    return host_device_time(plant_push(&plant, host_monotonic_time(now), force));
+    int64_t acts = plant_push(&plant, host_monotonic_time(now), force);
+    if (log_file >= 0) {
+        dprintf(log_file, "%lld\n", (long long)acts);
+    }
+    return host_device_time(acts);
 }
 
 void board_cut_motors(int64_t now) {

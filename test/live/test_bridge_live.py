@@ -104,7 +104,14 @@ class Rig:
 
     def motor(self):
         """(time [ns], force on x [N]) of each change that the device has logged."""
-        return [(int(words[0]), float(words[1])) for words in map(str.split, self._log.read_text().splitlines())]
+        return [(int(words[0]), float(words[1])) for words in self._logged() if len(words) == 4]
+
+    def commands(self):
+        """When each command began to act [ns], as the device has logged it: the line may lose what it is told."""
+        return [int(words[0]) for words in self._logged() if len(words) == 1]
+
+    def _logged(self):
+        return [line.split() for line in self._log.read_text().splitlines()]
 
     def pushes(self):
         changes = self.motor()
@@ -167,7 +174,7 @@ class Rig:
         changes = self.motor()
         zero = changes[-1]
         assert zero[1] == 0.0, changes[-3:]
-        last = max(time for time in seen["applied"] if time < zero[0])  # when the last command before began to act
+        last = max(time for time in self.commands() if time < zero[0])
         assert zero[0] - last <= WATCHDOG
         assert 0 < seen["pushed"] < zero[0]
         return seen

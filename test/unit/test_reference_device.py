@@ -96,7 +96,13 @@ def terminal(path):
 
 def motor_changes(file):
     """(time [ns], force on x) of a device's log."""
-    return [(int(line.split()[0]), float(line.split()[1])) for line in file.read_text().splitlines()]
+    lines = [line.split() for line in file.read_text().splitlines()]
+    return [(int(words[0]), float(words[1])) for words in lines if len(words) == 4]
+
+
+def commands(file):
+    """Times [ns] of a device's log at which its commands began to act."""
+    return [int(line) for line in file.read_text().splitlines() if " " not in line]
 
 
 def test_a_device_on_udp_is_driven_and_cut_to_the_nanosecond(device, tmp_path):
@@ -119,6 +125,7 @@ def test_a_device_on_udp_is_driven_and_cut_to_the_nanosecond(device, tmp_path):
         assert truth.motor_force == (0.0, 0.0, 0.0) and truth.position[0] < way and truth.energy == 0.0
     assert running.end() == "frames refused 0, watchdog cuts 1, energy given 0 J\n"
     assert motor_changes(log) == [(sample.applied, -2.0), (sample.applied + 200 * MS, 0.0)]
+    assert commands(log) == [sample.applied]
 
 
 def test_the_last_hello_has_the_device_and_the_motor_is_cut_for_it(device, tmp_path):
