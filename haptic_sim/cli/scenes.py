@@ -42,9 +42,10 @@ def scenes(
     if explained:
         _explain(explained)
     if gallery:
-        from haptic_sim.reduction.gallery import write_gallery
+        from haptic_sim.film.gallery import write_gallery
 
-        write_gallery(gallery)
+        with progress(len(names("scenes"))) as show:
+            write_gallery(gallery, show)
         typer.echo(gallery / "README.md")
         next_step(f"open {shown_path(gallery / 'README.md')}")
     if measured:

@@ -24,6 +24,7 @@ from haptic_sim.scene.language import Scene, parse
 from haptic_sim.scene.shapes import TOOL
 
 EDGE = 0.005  # [m] that is seen around handle and tool
+FOLLOWED = 0.5  # of the scene's room: so far outside it a body is still seen
 
 
 class Film(NamedTuple):
@@ -86,7 +87,7 @@ def film_of(run: Run) -> Film:
         _contacts(run, clock, seen.clouds),
         run.marks,
         _first_contact(run),
-        _room(places, drawing),
+        room_of(places, drawing),
         _walls(run),
     )
 
@@ -186,13 +187,18 @@ def _first_contact(run: Run) -> float | None:
         return None
 
 
-def _room(places: dict[str, Array], drawing: Drawing | None) -> tuple[float, float, float, float]:
-    """Of the scene, and of everywhere that handle and tool went."""
+def room_of(places: dict[str, Array], drawing: Drawing | None) -> tuple[float, float, float, float]:
+    """Of the scene, and of everywhere that handle and tool went; a body that leaves the scene is followed a little."""
     corners = list(_corners(places[HANDLE], ((0.0, 0.0),), EDGE))
     for outline in drawing.solids[0].outlines if drawing else [Outline(((0.0, 0.0),))]:
         corners += _corners(places[TOOL], outline.vertices, outline.radius or EDGE)
     if drawing:
-        corners += [np.reshape(drawing.room, (2, 2))]
+        low, high = np.reshape(drawing.room, (2, 2))
+        corners += [low[None], high[None]]
+        for solid in drawing.solids[1:]:
+            for vertices, radius in solid.outlines if solid.name in places else ():
+                led = np.concatenate(list(_corners(places[solid.name], vertices, radius or EDGE)))
+                corners.append(np.clip(led, low - FOLLOWED * (high - low), high + FOLLOWED * (high - low)))
     seen = np.concatenate(corners)
     (left, bottom), (right, top) = seen.min(axis=0).tolist(), seen.max(axis=0).tolist()
     return left, bottom, right, top

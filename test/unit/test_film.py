@@ -76,7 +76,7 @@ def test_the_room_has_the_scene_and_wherever_the_tool_went(film):
     scene = film.scene.room
     assert left <= scene[0] and bottom <= scene[1] and right >= scene[2] and top >= scene[3]
     far = film.places["tool"] + (1.0, 0.0, 0.0)
-    assert reading._room(film.places | {"tool": far}, film.scene)[2] == pytest.approx(far[:, 0].max() + 0.005)
+    assert reading.room_of(film.places | {"tool": far}, film.scene)[2] == pytest.approx(far[:, 0].max() + 0.005)
 
 
 def test_force_stretch_energy_and_age_are_those_of_the_bag(film):

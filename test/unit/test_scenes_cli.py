@@ -9,6 +9,7 @@ from in_process import haptic
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.image import imread
+from PIL import Image
 
 from haptic_device.analysis.palette import FIXED, TARGET
 from haptic_device.config_files import find, names
@@ -323,14 +324,17 @@ def test_an_error_below_the_doubt_of_its_reference_is_none_and_what_is_not_stabl
 
 
 def test_the_gallery_has_a_section_and_a_picture_for_every_scene(tmp_path, monkeypatch):
-    from haptic_sim.reduction import gallery
+    from haptic_sim.film import gallery
 
     monkeypatch.setattr(gallery, "names", lambda folder: ["wall", "four_bar"])
     gallery.write_gallery(tmp_path / "page")
     page = (tmp_path / "page" / "README.md").read_text()
     for name in ("wall", "four_bar"):
-        assert f"![{load(name).description}]({name}.png)" in page
+        assert f"![{load(name).description}, at the start]({name}.png)" in page
         assert (tmp_path / "page" / f"{name}.png").read_bytes().startswith(PNG)
+        assert f"![{load(name).description}, a film]({name}.gif)" in page
+        with Image.open(tmp_path / "page" / f"{name}.gif") as film:
+            assert film.format == "GIF" and film.n_frames > 10
 
 
 @pytest.mark.parametrize(
