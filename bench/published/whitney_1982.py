@@ -26,9 +26,11 @@ def wedging() -> list[float]:
 
     Where rounding leaves a gap at one of the two contacts, the peg slides before it is held: such depths do not count.
     """
-    return [
-        float(max(share for share in SHARES if _held(share * friction * WIDTH, friction))) for friction in FRICTIONS
-    ]
+    return [_deepest(friction) for friction in FRICTIONS]
+
+
+def _deepest(friction):
+    return max((float(share) for share in SHARES if _held(share * friction * WIDTH, friction)), default=0.0)
 
 
 def _held(depth, friction):
