@@ -14,7 +14,7 @@ unexport PYTHONPATH PYTHONHOME LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTAT
 # Each of the many processes would read all sources again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup check demo test soak bench test-browser docs clean
+.PHONY: help setup check demo test soak bench published test-browser docs clean
 
 help:
 	@echo "make setup   create .venv with everything (no root needed)"
@@ -23,6 +23,7 @@ help:
 	@echo "make test    make check, and the tests of live nodes"
 	@echo "make soak    what takes long or breaks things on purpose: CONTRIBUTING.md lists it"
 	@echo "make bench   measurements in their short form, and the table of docs/benchmarks/performance.md made of them"
+	@echo "make published   results of others beside ours; fails if one is out of its tolerance"
 	@echo "make docs    write docs/reference/parameters.md and docs/reference/faults.md from the code"
 	@echo "make test-browser   the page in a real Chromium; as root it installs one if there is none"
 	@echo "make clean   remove .venv and everything built"
@@ -75,6 +76,9 @@ soak: setup
 
 bench: setup
 	$(BIN)/python -m bench all --short --out bench_results/$(shell date +%F_%H%M) --insert docs/benchmarks/performance.md
+
+published: setup
+	$(BIN)/python -m bench published
 
 test-browser: setup $(BROWSER)
 	$(BIN)/python test/browser/chromium.py

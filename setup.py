@@ -29,6 +29,7 @@ BROWSER = [
 MAKERS = ["HaplyHAPI>=1.0.1", "moteus>=1.1"]  # the makers' own clients, which tests compare the links with
 TEST = [
     "colcon-common-extensions>=0.3",
+    "control>=0.10",
     "hypothesis>=6.100",
     "import-linter>=2.3",
     "mypy>=1.15",

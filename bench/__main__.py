@@ -23,6 +23,7 @@ COMMANDS = {  # name: (module with a `main`, what it measures)
     "link": ("bench.servo.link", "a device on a line: its sample in hand beside a bare pair in C, and its clock"),
     "load": ("bench.servo.load", "processor and memory of the whole live system, node by node"),
     "local": ("bench.exchange.local", "what the tool in the servo is worth: stiffness, drag and mass, Fig. 5, tasks"),
+    "published": ("bench.published.table", "results of others beside ours, each within its tolerance"),
     "reference": ("bench.methods.converged", "the stored references made again"),
     "round_trip": ("bench.exchange.round_trip", "handle, tool and back on live nodes, beside a bare ping-pong"),
     "servo": ("bench.servo.servo", "how late the servo wakes, beside cyclictest"),

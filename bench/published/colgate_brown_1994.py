@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which property of a display widens its range of passive walls most."""
+
+import numpy as np
+
+from haptic_device.analysis.assessment import coulomb_friction_needed
+from haptic_device.analysis.delay import largest_passive_stiffness
+
+DISPLAY = {"physical_damping": 0.5, "period": 1e-3, "resolution": 2e-5, "velocity_lag": 0.0}
+FRICTION = 0.1
+"""N."""
+TEN_TIMES = {
+    "damping": {"physical_damping": 5.0},
+    "sampling rate": {"period": 1e-4},
+    "encoder": {"resolution": 2e-6},
+    "velocity filter": {"velocity_lag": 1.0 / (2.0 * np.pi * 30.0)},  # 30 Hz, a tenth of what T = 1 ms could follow
+}
+"""A better display: each property ten times as good, the filter a usual one."""
+DAMPING = np.linspace(0.0, 6.0, 121)
+"""B of the walls [N s/m]."""
+
+
+def widths() -> dict[str, float]:
+    """Area of the passive walls in the K–B plane [N²s/m²] with one property better, over that of the display."""
+    plain = _area(**DISPLAY)
+    found = {name: _area(**DISPLAY | change) / plain for name, change in TEN_TIMES.items()}
+    return {"damping": found.pop("damping"), "any other": max(found.values())}
+
+
+def _area(physical_damping, period, resolution, velocity_lag):
+    """What damping allows, and what Coulomb friction allows beside the encoder's step, which is linear in K."""
+    by_damping = largest_passive_stiffness(physical_damping, DAMPING, period, velocity_lag)
+    without, with_one = (coulomb_friction_needed(K, DAMPING, period, resolution, velocity_lag) for K in (0.0, 1.0))
+    by_friction = (FRICTION - without) / (with_one - without)
+    return float(np.trapezoid(np.maximum(0.0, np.minimum(by_damping, by_friction)), DAMPING))
