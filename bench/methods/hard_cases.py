@@ -29,8 +29,8 @@ from haptic_sim.verify import CREATED, LEAST, OVERLAP
 from reference.trial import jump, turned_scene
 
 HEAD = (
-    "# Hard cases\n\nWritten by `python -m bench hard_cases`. Each scene is turned to several positions; a cell shows the "
-    "worst of them. The column *default* names the method that the scene gets. The meaning of the letters is below "
+    "# Hard cases\n\nWritten by `python -m bench hard_cases`. Each scene is turned to several positions; a cell shows "
+    "the worst of them. The column *default* names the method that the scene gets. The meaning of the letters is below "
     "the table.\n\n"
 )
 LEGEND = (
