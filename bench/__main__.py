@@ -15,7 +15,7 @@ COMMANDS = {  # name: (module with a `main`, what it measures)
     "exchange": ("bench.exchange.exchange", "exchange methods against delay, jitter, loss and rate"),
     "figures": (
         "bench.figures",
-        "draws the pictures of passivity.md, zwidth.md and methods.md, and keeps those of the page",
+        "draws the pictures of the theory pages and of zwidth.md, and keeps those of the page",
     ),
     "growth": ("bench.methods.growth", "an exchange with 10 to 300 bodies, ours and the peers'"),
     "hard_cases": ("bench.methods.hard_cases", "which method and which peer survives which hard scene"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pictures of passivity.md, zwidth.md and methods.md; and the page, as the last `make test-browser` took it."""
+"""The pictures of the theory pages and of zwidth.md; and the page, as the last `make test-browser` took it."""
 
 from pathlib import Path
 from typing import Annotated
@@ -51,19 +51,22 @@ SHOTS = ("peg", "nut", "fault_position", "wall_at_hand", "task_dark", "phone")
 
 
 def main(folder: Annotated[Path, typer.Argument(show_default="docs")] = ROOT / "docs") -> None:
-    """Into figures: theory, and the page if there are photographs of it; into methods: the stored runs."""
-    for name in ("figures", "methods"):
+    """Into figures: theory, and the page if there are photographs of it; into benchmarks: the stored runs."""
+    for name in ("figures", "benchmarks"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     pictures = {
         "passivity_conditions": conditions,
         "passivity_negative": negative_damping,
         "passivity_map": passive_and_stable,
         "zwidth_map": quiet_walls,
+        "late_spring": late_spring,
     }
     for name, draw in pictures.items():
         draw().savefig(folder / "figures" / f"{name}.png", dpi=110)
-    pareto_figure(read_csv(STORED / "speed_error.csv", measure.Run)).savefig(folder / "methods" / "pareto.png", dpi=DPI)
-    growth.figure(read_csv(STORED / "growth.csv", growth.Run)).savefig(folder / "methods" / "growth.png", dpi=DPI)
+    pareto_figure(read_csv(STORED / "speed_error.csv", measure.Run)).savefig(
+        folder / "benchmarks" / "pareto.png", dpi=DPI
+    )
+    growth.figure(read_csv(STORED / "growth.csv", growth.Run)).savefig(folder / "benchmarks" / "growth.png", dpi=DPI)
     for name in SHOTS if PHOTOGRAPHS.is_dir() else ():  # flat colours: a palette makes a picture a third as large
         shot = Image.open(PHOTOGRAPHS / f"{name}.png").convert("RGB")
         shot.quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE).save(
@@ -96,7 +99,7 @@ def passive_and_stable() -> Figure:
 
 def quiet_walls() -> Figure:
     """Which walls of the K–B plane shake: without operator, and with the worst of the operators."""
-    figure = Figure(figsize=(9.0, 5.4), layout="constrained")
+    figure = Figure(figsize=(7.2, 5.0), layout="constrained")
     for axes, operator in zip(figure.subplots(1, 2, sharey=True), ("none", "worst"), strict=True):
         setup = Setup(0.1, 0.5, 1e-3)
         request = zwidth_map.Request(setup, operator, np.linspace(20.0, 5000.0, 100), np.linspace(-0.5, 1.5, 100))
@@ -106,6 +109,28 @@ def quiet_walls() -> Figure:
     figure.get_layout_engine().set(wspace=0.06)
     figure.suptitle("Which walls shake")
     passivity_figure.dress(figure, zwidth_figure.caption(request, LATENESS))
+    return figure
+
+
+def late_spring() -> Figure:
+    """What a spring gives whose force is late: force over position, and the energy over time."""
+    stiffness, amplitude, turning = 2000.0, 5e-3, 4.0 * np.pi  # N/m, m, rad/s
+    figure, time = Figure(figsize=(7.2, 3.9), layout="constrained"), np.linspace(0.0, 2.0, 2001)
+    loop, given = figure.subplots(1, 2)
+    once = time <= 0.5
+    place, speed = amplitude * np.sin(turning * time), amplitude * turning * np.cos(turning * time)
+    for late, colour, dashes in ((0.0, BLUE, SOLID), (0.005, ORANGE, DASHED), (0.02, VERMILION, MIXED)):
+        force = -stiffness * amplitude * np.sin(turning * (time - late))
+        energy = np.concatenate([[0.0], np.cumsum((force * speed)[1:] * np.diff(time))])
+        look = {"color": colour, "linestyle": dashes, "linewidth": 2.0, "label": f"{1e3 * late:g} ms late"}
+        loop.plot(1e3 * place[once], force[once], **look)
+        given.plot(time, 1e3 * energy, **look)
+    loop.set(xlabel="handle position [mm]", ylabel="force on the hand [N]", title="One period, 2 Hz")
+    given.set(xlabel="time [s]", ylabel="energy given to the hand [mJ]", title="Energy adds up")
+    for axes in (loop, given):
+        axes.grid(alpha=0.3)
+    figure.suptitle("A spring of 2000 N/m whose force acts late")
+    figure.legend(*loop.get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
     return figure
 
 

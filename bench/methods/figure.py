@@ -11,7 +11,7 @@ from bench.methods.world import title
 from haptic_device.analysis.palette import BLACK, METHODS, PEERS
 
 LOOKS = METHODS | PEERS
-WIDTH, DPI = 9.0, 100  # inches, dots an inch: as wide as a page shows it, so that text has the size that it says
+WIDTH, DPI = 7.0, 150  # inches, dots an inch: narrow, so that text is large enough at half of the size
 LEAST, MOST = 1e-9, 1.0  # what errs less or more is drawn there
 
 
@@ -40,7 +40,7 @@ def panels(of: dict[str, list], draw, head: str, height: float, more: dict | Non
     if len(of) < rows * columns:
         every.flat[-1].legend(loc="center", **lines)
     else:
-        figure.legend(loc="outside lower center", ncols=4, **lines)
+        figure.legend(loc="outside lower center", ncols=3, **lines)
     figure.suptitle(head)
     return figure
 

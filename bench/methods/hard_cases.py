@@ -28,6 +28,11 @@ from haptic_sim.scene.shapes import TOOL
 from haptic_sim.verify import CREATED, LEAST, OVERLAP
 from reference.trial import jump, turned_scene
 
+HEAD = (
+    "# Hard cases\n\nWritten by `python -m bench hard_cases`. Each scene is turned to several positions; a cell shows "
+    "the worst of them. The column *default* names the method that the scene gets. The meaning of the letters is below "
+    "the table.\n\n"
+)
 LEGEND = (
     "✓ survives · N not finite · T through a wall · P overlap beyond 0.1 mm · E creates more than 1 % of the "
     "energy about · (e) creates more than rounding · – cannot model it"
@@ -153,7 +158,7 @@ def main(
     if out:
         out.mkdir(parents=True, exist_ok=True)
         write_csv(out / "hard_cases.csv", Verdict, found)
-        (out / "hard_cases.md").write_text(markdown(found) + "\n", encoding="utf-8")
+        (out / "hard_cases.md").write_text(f"{HEAD}{markdown(found)}\n", encoding="utf-8")
     if as_json:
         typer.echo(json.dumps({"verdicts": [plain(item) | {"survives": item.survives} for item in found]}))
     else:

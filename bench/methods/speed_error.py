@@ -86,11 +86,12 @@ def _report(runs, others, out, as_json):
 
 def _page(runs):
     return (
-        "# Speed against error\n\nWritten by `python -m bench speed_error`. In bold the scene's default method, beside "
-        "it the pymunk world and the direct solver, each at the step that the scene would give it, with its share of "
-        "an exchange's time; behind them, how many times faster the best of closed_form, partitioned and event_driven "
-        "reaches the smallest error that it and the peer both reach; ✗: below 15 for linkages against RK4, 5 for "
-        f"single contacts, 1 else.\n\n{table.markdown(runs)}\n"
+        "# Speed against error\n\nWritten by `python -m bench speed_error`. The table shows for each scene `impulse`, "
+        "the default method (in bold) and `partitioned`, each at the step that the scene gives it. *Of an exchange* is "
+        "the share of the time of an exchange. The last columns compare with other engines: how many times faster the "
+        "best of `closed_form`, `partitioned` and `event_driven` is, at the smallest error that both sides reach. ✗ "
+        "marks a ratio below the goal: 15 for linkages against RK4, 5 for single contacts, 1 else.\n\n"
+        f"{table.markdown(runs)}\n"
     )
 
 

@@ -50,7 +50,7 @@ def settings(rate=1000.0, limit=20.0, counts=1e9):
 
 def main():
     evaluations = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
-    print(f"{evaluations} evaluations a row; budget {1e3 * float(settings()['exchange_budget'][0]):g} mJ")
+    print(f"{evaluations} evaluations a row; budget {1e3 * float(settings()['exchange']['budget'][0]):g} mJ")
     print("servo Hz  loss  limit N    given mJ  credited mJ       moved      stayed")
     for seed, (rate, loss, limit) in enumerate(CASES):
         found = contact_search.search(settings(rate, limit), 120, evaluations, loss, seed)

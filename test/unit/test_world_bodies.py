@@ -209,7 +209,7 @@ def test_a_slider_between_two_that_turn_is_driven_and_braked_along_its_axis_alon
 
 def test_what_the_page_shows_to_add_moves_with_the_world_is_held_and_calls_back():
     """A ball that falls on the block, and is held by a string of 50 mm when it is thrown up."""
-    page = (Path(__file__).parents[2] / "docs" / "theory" / "methods.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "how_to" / "own_bodies.md").read_text(encoding="utf-8")
     names = {}
     exec(re.search(r"```python\n(.*?)```", page, re.DOTALL)[1], names)
     world, ball = names["world"], names["ball"]
