@@ -69,7 +69,7 @@ WITHHELD_FORCE = f"""
 Generated from `control/withheld.py: TABLE`. Withheld force is no fault: the motor goes on, with less force than is
 wanted. It is reported if it lasts more than {LASTS:g} s without a break of more than {BREAK * 1e3:g} ms. The page,
 `haptic status`, `haptic demo`, `haptic report` and `/diagnostics` show it. `test/unit/test_withheld.py` provokes each.
-Time that the world leaves out withholds no force; the simulation warns of it ([exchange.md](../theory/exchange.md)).
+Time that the world [leaves out](../theory/exchange.md#age-cuts-rates) withholds no force; the simulation warns of it.
 
 | bit | name | what keeps the force back | what to do |
 |---|---|---|---|
