@@ -6,7 +6,7 @@
 # own on this machine alone, asks them by ros2, and ends all that it started. It takes some minutes; the first time it
 # compiles the servo too.
 #
-# Needs a sourced ROS 2 Jazzy (apt), colcon, and what setup.py requires (docs/how_to/install.md, Install).
+# Needs a sourced ROS 2 Jazzy (apt), colcon, and what setup.py requires (docs/how_to/install.md).
 # JAZZY_PATIENCE: seconds that it waits for each answer [120].
 #
 # Exit code 0: all is as the documents say; 1: a sentence names what was not; 77: a sentence names what is missing here.
@@ -200,7 +200,7 @@ main() {
   local lacking
   lacking=$(missing | paste -sd ' ')
   if [ -n "$lacking" ]; then
-    echo "jazzy: missing here: $lacking (docs/how_to/install.md, Install, says how to get it)" >&2
+    echo "jazzy: missing here: $lacking (docs/how_to/install.md says how to get it)" >&2
     exit 77
   fi
   WORK=$(mktemp -d "${TMPDIR:-/tmp}/haptic_jazzy.XXXXXX")

@@ -16,27 +16,33 @@ from haptic_sim.node_parameters import NODES
 
 HEAD = """# Parameters
 
-Generated from the declarations by `haptic docs --out docs/reference/parameters.md`; do not edit.
+Generated from the declarations by `haptic docs --out docs/reference/parameters.md`. Do not edit.
 
-A *live* parameter may be changed while the node runs (`haptic set`, `ros2 param set`), where `300` serves for `300.0`;
-the others are fixed at start. In a file numbers must be written as their type: `300.0`, not `300`, for a decimal
-number. `haptic check FILE` tests a file against this table; `haptic save FILE` writes one of what runs.
+A *live* parameter may be changed while the node runs, by `haptic set` or `ros2 param set`; `300` then serves for
+`300.0`. The others are fixed at the start.
 
-A node refuses a file that has a section for its kind, or for a name that no node has, and none that reaches it: it
-would run with its defaults. A file that names other kinds of nodes alone may be given to all.
+In a file:
 
-`device` and `scene` in a file are names in `config/devices` and `config/scenes`, or paths. A path is relative to the
-folder of the file that has it, for every `haptic` command; plain `ros2 run … --params-file` takes it relative to the
-working directory, so write it absolute there.
+* A number is written as its type: `300.0`, not `300`, for a decimal number. `y`, `yes`, `on`, `n`, `no` and `off` are
+  booleans unless they are quoted.
+* `device` and `scene` are names in `config/devices` and `config/scenes`, or paths. Every `haptic` command takes a path
+  relative to the folder of the file. `ros2 run … --params-file` takes it relative to the working directory: write an
+  absolute path there.
+* A section `haptic_driver` reaches only a node outside any namespace. Write `/**/haptic_driver` or
+  `/haptic/haptic_driver`.
+* A node refuses a file with a section for its kind, or for an unknown node, if no section reaches the node. It would
+  run with its defaults. It does not refuse a file that names only nodes of other kinds.
+
+`haptic check FILE` checks a file against these tables. `haptic save FILE` writes a file of what runs.
 """
 COLUMNS = "| name | default | unit | allowed | live | meaning |\n|---|---|---|---|---|---|"
 
 
 FAULTS = """# Faults
 
-Generated from `control/faults.py: TABLE` by `haptic docs --faults --out docs/reference/faults.md`; do not edit.
+Generated from `control/faults.py: TABLE` by `haptic docs --faults --out docs/reference/faults.md`. Do not edit.
 
-A fault is a latched reason why the motor is off. It stays until it is cleared: first what its row says, then
+A fault is a latched reason why the motor is off. It stays until it is cleared. First do what its row says, then:
 
 | where | what to do |
 |---|---|
@@ -44,16 +50,15 @@ A fault is a latched reason why the motor is off. It stays until it is cleared: 
 | `haptic status` | press `r`, then `e` |
 | a program | call `~/reset`, then `~/enable` |
 
-A fault whose cause still stands is latched again at once. The page, `haptic demo` and `haptic status` tell its cause
-with its number, from the tick that latched it: the entry `fault_detail` of the driver's diagnostics.
+A fault whose cause still stands is latched again at once. The page, `haptic demo` and `haptic status` show its cause
+with a number. The number is that of the tick that latched the fault (`fault_detail` in `/diagnostics`).
 
-11 to 14 are what a device says of itself ([link_protocol.md](link_protocol.md#sample-4)). An end switch is a fault only
-while the display is enabled: a handle that rests on one may be led away, and enabling it there latches before any
-force.
+The device reports 11 to 14 by itself ([link_protocol.md](link_protocol.md#sample-4)). An end switch (13) is a fault
+only while the display is enabled. A handle that rests on one may be led away; enabling it there latches the fault
+before any force.
 
-`test/live/test_driver.py` and `test/live/test_fault_live.py` provoke each but 11 to 14 on running nodes,
-`test/unit/test_servo.py` and `test/unit/test_device_faults.py` all tick by tick. On the
-page, `test/browser/test_faults.py` provokes 1 and 5 on running nodes, and has a made-up driver tell all.
+`test/unit/test_servo.py` and `test/unit/test_device_faults.py` provoke every fault tick by tick. On running nodes
+`test/live/test_driver.py` and `test/live/test_fault_live.py` provoke 1 to 10.
 
 | code | name | in words | what latched it | what the motor does | what to do first |
 |---|---|---|---|---|---|
@@ -61,10 +66,10 @@ page, `test/browser/test_faults.py` provokes 1 and 5 on running nodes, and has a
 WITHHELD_FORCE = f"""
 ## Withheld force
 
-Generated from `control/withheld.py: TABLE`. No fault: the motor goes on, with less force than is wished for. Each is
-told once it has stood for more than {LASTS:g} s, without a break of more than {BREAK * 1e3:g} ms: on `/diagnostics`,
-on the page, by `haptic status`, `haptic demo` and `haptic report`. `test/unit/test_withheld.py` provokes each. Time
-that the world leaves out withholds no force; the simulation warns of it by itself (exchange.md, "Age, cuts, rates").
+Generated from `control/withheld.py: TABLE`. Withheld force is no fault: the motor goes on, with less force than is
+wanted. It is reported if it lasts more than {LASTS:g} s without a break of more than {BREAK * 1e3:g} ms. The page,
+`haptic status`, `haptic demo`, `haptic report` and `/diagnostics` show it. `test/unit/test_withheld.py` provokes each.
+Time that the world [leaves out](../theory/exchange.md#age-cuts-rates) withholds no force; the simulation warns of it.
 
 | bit | name | what keeps the force back | what to do |
 |---|---|---|---|

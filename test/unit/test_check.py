@@ -35,7 +35,7 @@ def test_of_every_file_that_is_shipped_the_command_says_ok_and_exits_with_zero()
 
 def test_the_command_prints_each_mistake_and_exits_with_one(tmp_path):
     path = broken(tmp_path, "/**/haptic_driver: {ros__parameters: {autostart: 1, autostrat: true}}")
-    done = haptic("check", SHIPPED[0], path)
+    done = haptic("check", SHIPPED[0], path, "--lateness", "0")
     assert done.returncode == 1
     assert done.stdout.splitlines() == [
         f"{SHIPPED[0]}: ok",

@@ -23,7 +23,7 @@ from haptic_sim.node import simulation
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 README = ROOT / "README.md"
-MODEL, INSTALL, CLI = (ROOT / f"docs/{name}.md" for name in ("theory/model", "how_to/install", "reference/cli"))
+MODEL, PLATFORM, CLI = (ROOT / f"docs/{name}.md" for name in ("theory/model", "reference/platform", "reference/cli"))
 ARCHITECTURE, PERFORMANCE = ROOT / "docs/theory/architecture.md", ROOT / "docs/benchmarks/performance.md"
 SPEED_ERROR = ROOT / "docs/benchmarks/speed_error.md"
 
@@ -75,7 +75,7 @@ def test_each_service_of_a_node_stands_in_the_service_table():
 
 
 def test_priorities_on_the_platform_page_are_those_of_the_threads():
-    listed = {row[0]: int(row[1]) for row in rows(INSTALL, "Priorities")}
+    listed = {row[0]: int(row[1]) for row in rows(PLATFORM, "Priorities")}
     assert listed == {
         "plant": loopback.PRIORITY,
         "bridge": bridge.PRIORITY,

@@ -282,7 +282,7 @@ def test_the_launch_file_leaves_the_transitions_to_the_nodes_to_itself_or_to_the
     assert events == [Transition.TRANSITION_CONFIGURE] * len(nodes)
 
 
-def test_the_platform_page_has_each_argument_with_its_default(launch_file):
+def test_the_page_of_installation_has_each_argument_with_its_default(launch_file):
     *declared, _ = launch_file("launch/haptic_display.launch.py").arguments[0]
     section = (ROOT / "docs/how_to/install.md").read_text("utf-8").split("### Launch arguments\n")[1].split("\n### ")[0]
     table = [[cell.strip(" `") for cell in line.split("|")[1:3]] for line in section.splitlines() if line[:3] == "| `"]
