@@ -27,6 +27,7 @@ BROWSER = [
     "playwright>=1.50",
 ]
 MAKERS = ["HaplyHAPI>=1.0.1", "moteus>=1.1"]  # the makers' own clients, which tests compare the links with
+NOTEBOOKS = ["marimo>=0.25"]
 TEST = [
     "colcon-common-extensions>=0.3",
     "control>=0.10",
@@ -35,6 +36,7 @@ TEST = [
     "mypy>=1.15",
     *DATAFRAME,
     *MAKERS,
+    *NOTEBOOKS,
     *SWEEP,
     "pytest>=8",
     "pytest-timeout>=2.3",
@@ -50,7 +52,8 @@ def installed_files():
     files = sorted(path for path in Path("config").rglob("*") if path.suffix in kinds)
     folders = sorted({path.parent for path in files})
     config = [(f"{SHARE}/{folder}", [str(path) for path in files if path.parent == folder]) for folder in folders]
-    python = [(f"{SHARE}/{folder}", sorted(map(str, Path(folder).glob("*.py")))) for folder in ("launch", "examples")]
+    programs = "launch", "examples", "examples/notebooks"
+    python = [(f"{SHARE}/{folder}", sorted(map(str, Path(folder).glob("*.py")))) for folder in programs]
     sources = sorted(path for path in Path("firmware").rglob("*") if path.suffix in FIRMWARE or path.name == "Makefile")
     kept = sorted({path.parent for path in sources})
     firmware = [(f"{SHARE}/{folder}", [str(path) for path in sources if path.parent == folder]) for folder in kept]
@@ -106,6 +109,7 @@ setup(
         "browser": BROWSER,
         "dataframe": DATAFRAME,
         "makers": MAKERS,
+        "notebooks": NOTEBOOKS,
         "ros": ROS,
         "sweep": SWEEP,
         "test": TEST,

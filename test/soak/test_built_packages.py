@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SHARE = Path("share/haptic_display")
 CONFIG = sorted(path.relative_to(ROOT) for path in (ROOT / "config").rglob("*.yaml"))
 EXECUTABLES = sorted(path.name for path in (ROOT / "scripts").iterdir())
-EXAMPLES = sorted(path.relative_to(ROOT) for path in (ROOT / "examples").glob("*.py"))
+EXAMPLES = sorted(path.relative_to(ROOT) for path in (ROOT / "examples").rglob("*.py"))
 INSTALLED = [SHARE / "package.xml", SHARE / "launch/haptic_display.launch.py"]
 INSTALLED += [SHARE / path for path in (*CONFIG, *EXAMPLES, Path("config/layouts/haptic.rviz"))]
 

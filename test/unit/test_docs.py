@@ -26,6 +26,7 @@ README = ROOT / "README.md"
 MODEL, PLATFORM, CLI = (ROOT / f"docs/{name}.md" for name in ("theory/model", "reference/platform", "reference/cli"))
 ARCHITECTURE, PERFORMANCE = ROOT / "docs/theory/architecture.md", ROOT / "docs/benchmarks/performance.md"
 SPEED_ERROR = ROOT / "docs/benchmarks/speed_error.md"
+FORMATS = ROOT / "docs/reference/file_formats.md"
 
 
 def rows(page, heading):
@@ -124,7 +125,7 @@ def test_functions_are_in_the_files_that_the_page_says(page):
 
 
 def test_the_operating_point_in_the_documents_passes_the_check(tmp_path):
-    blocks = re.findall(r"```yaml\n(.*?)```", CLI.read_text(encoding="utf-8"), re.DOTALL)
+    blocks = re.findall(r"```yaml\n(.*?)```", FORMATS.read_text(encoding="utf-8"), re.DOTALL)
     assert blocks
     for number, block in enumerate(blocks):
         file = tmp_path / f"{number}.yaml"
