@@ -39,6 +39,10 @@ def find(folder: str, name) -> Path:
 
     Raises FileNotFoundError with one sentence, which has the nearest names.
 
+    Args:
+        folder: devices or scenes; "" is config/ itself.
+        name: a name, or the path of a file.
+
     Examples:
         >>> from haptic_device.config_files import find
         >>> find("scenes", "wall").name
@@ -67,6 +71,9 @@ def find_beside(file: Path, folder: str, name: str) -> str:
 
 def names(folder: str) -> list[str]:
     """The names that `find` knows in a folder of config/, sorted, without `.yaml`.
+
+    Args:
+        folder: devices or scenes; "" is config/ itself.
 
     Examples:
         >>> from haptic_device.config_files import names

@@ -43,8 +43,12 @@ def settings_of(device):
 def settings_from(device, values, version=0):
     """The servo's settings at this operating point: a structured array of one record, SETTINGS of control/records.
 
-    device: a `Device`; values: all parameters of haptic_driver, {name: value}; version: number of these settings.
     Raises ValueError with one sentence where values do not fit together or do not fit the device.
+
+    Args:
+        device: a `Device`.
+        values: all parameters of haptic_driver, {name: value}.
+        version: number of these settings.
 
     Examples:
         >>> from haptic_device.controller_config import settings_from

@@ -24,9 +24,9 @@ class DragSensor(Part):
     """Sensor of the physical damper's drag, per axis.
 
     Attributes:
-        bandwidth: [Hz]; 0 means that there is no limit.
-        bias: constant error of the reading [N | N m].
-        noise: standard deviation of the reading [N | N m].
+        bandwidth (float): [Hz]; 0 means that there is no limit.
+        bias (float): constant error of the reading [N | N m].
+        noise (float): standard deviation of the reading [N | N m].
 
     Examples:
         >>> from haptic_device.description import DragSensor
@@ -44,17 +44,17 @@ class Axis(Part):
 
     Attributes:
         name: x, y or theta.
-        counts_per_unit: encoder counts per m | rad.
+        counts_per_unit (float): encoder counts per m | rad.
         encoder_sign: −1 where the encoder counts the other way.
-        zero: position of the device where the encoder counts 0 [m | rad].
-        motor_constant: force per unit of the motor's command [N | N m].
+        zero (float): position of the device where the encoder counts 0 [m | rad].
+        motor_constant (float): force per unit of the motor's command [N | N m].
         motor_sign: −1 where the motor pushes the other way.
-        motor_limit: largest force of the motor [N | N m].
-        workspace: lowest and highest position [m | rad].
-        velocity_limit: fastest motion that the axis stands [m/s | rad/s].
-        mass: moving mass or inertia m of the mechanism [kg | kg m²].
-        damping: physical damping b of the mechanism [N s/m | N m s/rad].
-        coulomb: Coulomb friction of the mechanism [N | N m].
+        motor_limit (float): largest force of the motor [N | N m].
+        workspace (tuple[float, float]): lowest and highest position [m | rad].
+        velocity_limit (float): fastest motion that the axis stands [m/s | rad/s].
+        mass (float): moving mass or inertia m of the mechanism [kg | kg m²].
+        damping (float): physical damping b of the mechanism [N s/m | N m s/rad].
+        coulomb (float): Coulomb friction of the mechanism [N | N m].
 
     Examples:
         >>> from haptic_device.description import load_device
@@ -95,14 +95,15 @@ class Device(Part):
 
     Attributes:
         name: name of the device.
-        axes: its axes, in the order x, y, theta.
-        gravity: acceleration along x and y that pulls at the handle's mass [m/s²].
+        axes (tuple[Axis, ...]): its axes, in the order x, y, theta.
+        gravity (tuple[float, float]): acceleration along x and y that pulls at the handle's mass [m/s²].
         gravity_compensation: whether the driver compensates that weight.
-        sensing_delay: from the position to the sample [s].
-        actuation_delay: from the command to the force [s].
-        scale: world metres per device metre, and radians per radian. The hand feels a world stiffness scale² times.
+        sensing_delay (float): from the position to the sample [s].
+        actuation_delay (float): from the command to the force [s].
+        scale (tuple[float, float]): world metres per device metre, and radians per radian. The hand feels a world
+            stiffness scale² times.
         homing: `at_start` takes the place of the handle when the driver starts as its home.
-        home: position of the handle at home [m, m, rad].
+        home (tuple[float, float, float]): position of the handle at home [m, m, rad].
         drag_sensor: sensor of the damper's drag.
         link: what connects the device (haptic_device/link_registry.py); `loopback` is the simulated device.
 
@@ -145,6 +146,9 @@ def load_device(name: str | Path) -> Device:
 
     Raises FileNotFoundError if there is neither, and ConfigError with one sentence if the file is wrong.
 
+    Args:
+        name: a name, or the path of a file.
+
     Examples:
         >>> from haptic_device.description import load_device
         >>> load_device("desktop").name
@@ -161,8 +165,11 @@ def load_device(name: str | Path) -> Device:
 def parse(content: Any, source: str) -> Device:
     """The device that a mapping describes, as the YAML file has it.
 
-    source: name of the mapping in the sentence of an error. Raises ConfigError: its text is the first thing that is
-    wrong, and its `found` has all of them.
+    Raises ConfigError: its text is the first thing that is wrong, and its `found` has all of them.
+
+    Args:
+        content: the mapping.
+        source: name of the mapping in the sentence of an error.
 
     Examples:
         >>> from haptic_device.description import parse

@@ -38,9 +38,12 @@ def margins(settings, lateness):
     By axis is an array (3) [N s/m, N s/m, N m s/rad]; the other two are numbers [N s/m] and [N m s/rad]. The gains are
     passive where these two are above 0.
 
-    settings: one record of `settings_from`; lateness [s]: how late forces act beyond the nominal period, with the
-    device's delays. It is diag(b), less what each wall and the coupling need along their direction (control/passivity),
-    times scale². It is the lesser of outside and inside of walls, where nothing is cancelled.
+    It is diag(b), less what each wall and the coupling need along their direction (control/passivity), times scale². It
+    is the lesser of outside and inside of walls, where nothing is cancelled.
+
+    Args:
+        settings: one record of `settings_from`.
+        lateness: how late forces act beyond the nominal period, with the device's delays [s].
 
     Examples:
         >>> from haptic_device.controller_config import settings_from
@@ -136,7 +139,9 @@ def cross(settings):
 def refusal(settings, lateness=0.0):
     """Why the driver refuses these gains, in one sentence; "" where the device's damping covers them.
 
-    settings: one record of `settings_from`; lateness [s]: how late forces act, as in `margins`.
+    Args:
+        settings: one record of `settings_from`.
+        lateness: how late forces act, as in `margins` [s].
 
     Examples:
         >>> from haptic_device.controller_config import settings_from

@@ -13,12 +13,16 @@ PLACES = {"device": "devices", "scene": "scenes"}
 
 
 def read_operating_point(path, nodes: Mapping[str, tuple[Parameter, ...]], namespace: str = "/haptic"):
-    """What a ROS 2 parameter file gives each node that runs in this namespace: {node: {name: value}}.
+    """What a ROS 2 parameter file gives each node that runs in a namespace: {node: {name: value}}.
 
-    path: the file; nodes: the parameters of each node, such as `haptic_sim.node_parameters.NODES`. Only values that the
-    file has come back; later sections win, as in ROS 2. Names of files (PLACES) are relative to the folder of the file
-    and come back absolute. Raises ConfigError if the file cannot be read, and ValueError with the first thing that is
-    wrong in it.
+    Only values that the file has come back; later sections win, as in ROS 2. Names of files (PLACES) are relative to
+    the folder of the file and come back absolute. Raises ConfigError if the file cannot be read, and ValueError with
+    the first thing that is wrong in it.
+
+    Args:
+        path: the file.
+        nodes: the parameters of each node, such as `haptic_sim.node_parameters.NODES`.
+        namespace: of the nodes.
 
     Examples:
         >>> from haptic_device.config_files import find

@@ -91,7 +91,10 @@ def limits_of(watched: Iterable[Watched]) -> tuple[Parameter, ...]:
 
 
 def defaults(parameters: Iterable[Parameter]) -> dict[str, Any]:
-    """The default of each of these parameters, {name: value}.
+    """The default of each parameter, {name: value}.
+
+    Args:
+        parameters: such as those of one node in `haptic_sim.node_parameters.NODES`.
 
     Examples:
         >>> from haptic_device.parameter_types import defaults
@@ -106,6 +109,10 @@ def check_value(parameter: Parameter, value):
     """The value that a parameter takes: lists come back as tuples.
 
     Raises ValueError with one sentence if the type, the range or the choice is wrong, or a number is not finite.
+
+    Args:
+        parameter: what is declared.
+        value: what is given, as YAML has it.
 
     Examples:
         >>> from haptic_device.parameter_types import check_value

@@ -33,8 +33,9 @@ def _unknown(driver: dict[str, Any]) -> None:
 def problems(path: Path, measure: Measure = _unknown) -> list[str]:
     """Everything that is wrong in a YAML file, one sentence each; the list is empty where all is well.
 
-    path: an operating point, a device description or a scene; the top-level keys tell which. measure: how late the
-    writes of this machine are, for gains that are too stiff; nothing is measured by default.
+    Args:
+        path: an operating point, a device description or a scene; the top-level keys tell which.
+        measure: how late the writes of this machine are, for gains that are too stiff; nothing is measured by default.
 
     Examples:
         >>> from pathlib import Path
@@ -75,8 +76,12 @@ def _unfit(scene, method=AUTO) -> list[str]:
 def remark(path: Path, measure: Measure = _unknown) -> str:
     """What a file without `problems` wishes for and will not get, in one sentence, or "".
 
-    path, measure: as in `problems`. That is a scene's wish for a smaller error than its method has, or gains that are
-    passive on time and are not where the writes are as late as on this machine.
+    That is a scene's wish for a smaller error than its method has, or gains that are passive on time and are not where
+    the writes are as late as on this machine.
+
+    Args:
+        path: as in `problems`.
+        measure: as in `problems`.
 
     Examples:
         >>> from haptic_device.config_files import find

@@ -52,9 +52,14 @@ def offered() -> tuple[str, ...]:
 
 
 def make(name: str, scene, sub_step: float):
-    """The method of this name as a `World`: a reduced scene, stepped by `sub_step` [s].
+    """The method of this name on a scene, as a `World`.
 
     Raises ValueError if there is none of that name, or it cannot model the scene.
+
+    Args:
+        name: of the method, in METHODS.
+        scene: a ReducedScene.
+        sub_step: [s].
 
     Examples:
         >>> from haptic_sim.method_registry import make

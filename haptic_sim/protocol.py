@@ -186,6 +186,9 @@ class World(Protocol):
 def along(*rows: tuple[Planar, Planar]) -> np.ndarray:
     """Target of a handle that has these positions and velocities in turn: an array (rows, 6).
 
+    Args:
+        rows: a position [m, m, rad] and a velocity [m/s, m/s, rad/s] each.
+
     Examples:
         >>> from haptic_sim.protocol import STILL, along
         >>> along(((0.0, 0.0, 0.0), STILL), ((0.001, 0.0, 0.0), STILL)).shape
@@ -196,6 +199,10 @@ def along(*rows: tuple[Planar, Planar]) -> np.ndarray:
 
 def held(position: Planar, velocity: Planar = STILL) -> np.ndarray:
     """Target of a handle that is kept at a position [m, m, rad] and velocity: an array (2, 6).
+
+    Args:
+        position: of the handle [m, m, rad].
+        velocity: of the handle [m/s, m/s, rad/s].
 
     Examples:
         >>> from haptic_sim.protocol import held

@@ -44,7 +44,10 @@ class LedWorld(Protocol):
 class Exchanged:
     """A simulation as a world that `rollout` can lead: a handle sample for each row of a path, 1 ms apart.
 
-    simulation: what answers; start: first row of the path, (6); gains: of the coupling.
+    Args:
+        simulation: what answers.
+        start: first row of the path, (6).
+        gains: of the coupling.
 
     Examples:
         >>> from haptic_sim.exchange.simulation import Simulation
@@ -64,7 +67,7 @@ class Exchanged:
         self._exchange(np.asarray(start, float).tolist())
 
     def step(self, target, n=1):
-        """An exchange for each row of the path but its first; `n` is the simulation's own."""
+        """An exchange for each row of the path `target` (m, 6) but its first; `n` is the simulation's own."""
         before = self.simulation.ledger.supplied
         for row in target[1:].tolist():
             self._exchange(row)
@@ -123,10 +126,16 @@ def rollout(
 ) -> Rollout:
     """Leads a world along the hand's path, and says what came of it, as a Rollout.
 
-    world: what is led; path: (n, 6), position [m, m, rad] and velocity of the handle in each row; count: sub-steps from
-    a row to the next; stride: rows in a call of the world; look: rows between two looks, a multiple of stride; bodies:
-    names whose poses are kept; overlap: () → depth [m], asked at each look; gains: of the coupling, with which energy
-    is booked; limit: processor time [s] after which it ends early.
+    Args:
+        world: what is led.
+        path: (n, 6), position [m, m, rad] and velocity of the handle in each row.
+        count: sub-steps from a row to the next.
+        stride: rows in a call of the world.
+        look: rows between two looks, a multiple of stride.
+        bodies: names whose poses are kept.
+        overlap: () → depth [m], asked at each look.
+        gains: of the coupling, with which energy is booked.
+        limit: processor time [s] after which it ends early.
 
     Examples:
         >>> import numpy as np
@@ -193,7 +202,9 @@ def stretch(gains: Coupling, handle, tool) -> float:
 def hand(scene: Scene, angle: float = 0.0):
     """The suggested motion of a scene: a function of time [s] that gives the handle's place (x, y, theta) [m, m, rad].
 
-    scene: the scene; angle: turns the plane, counter-clockwise [rad].
+    Args:
+        scene: the scene.
+        angle: turns the plane, counter-clockwise [rad].
 
     Examples:
         >>> from haptic_sim.rollout import hand
@@ -216,7 +227,9 @@ def hand(scene: Scene, angle: float = 0.0):
 def way(lead: Callable, times: np.ndarray) -> np.ndarray:
     """Path (n, 6) of a hand: its places at these times, and the rates by differences.
 
-    lead: time [s] → (x, y, theta); times: evenly spaced [s], (n).
+    Args:
+        lead: time [s] → (x, y, theta).
+        times: evenly spaced [s], (n).
 
     Examples:
         >>> import numpy as np
@@ -233,8 +246,11 @@ def way(lead: Callable, times: np.ndarray) -> np.ndarray:
 def overlap_watch(scene: Scene, pose):
     """A function () → deepest overlap [m] of all bodies of a scene that can touch.
 
-    It is measured with the shapes and poses, and not taken from what the world says. pose: body → (x, y, theta), such
-    as the `pose` of a world.
+    It is measured with the shapes and poses, and not taken from what the world says.
+
+    Args:
+        scene: the scene.
+        pose: body → (x, y, theta), such as the `pose` of a world.
 
     Examples:
         >>> from haptic_sim.rollout import overlap_watch

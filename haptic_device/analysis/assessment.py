@@ -113,6 +113,9 @@ def assess(display: Display) -> Assessment:
 
     Raises ValueError if b, T or m is not above 0, K is below 0, or a value is not finite or beyond LIMITS.
 
+    Args:
+        display: the device and its wall or coupling.
+
     Examples:
         >>> from haptic_device.analysis.assessment import Display, assess
         >>> found = assess(Display(stiffness=3000.0, damping=0.0, physical_damping=1.0, period=0.001))
@@ -146,10 +149,16 @@ def coulomb_friction_needed(
 ) -> Quantity:
     """Coulomb friction f_c [N] that covers the encoder step Δ: half of Δ Σ|h_k|, with h the impulse response of H.
 
-    The arguments broadcast. stiffness: K [N/m]; damping: B [N s/m]; period: T [s]; resolution: Δ [m]; velocity_lag: τ
-    [s]. Each sample is off by at most Δ/2, so the force is off by at most that, and f_c takes at least as much from
-    every displacement. The condition on b stands beside it. For B ≥ 0 and no lag it is (K + 2B/T) Δ/2 (Abbott & Okamura
-    2005 for B = 0). Raises ValueError if the resolution is below 0.
+    The arguments broadcast. Each sample is off by at most Δ/2, so the force is off by at most that, and f_c takes at
+    least as much from every displacement. The condition on b stands beside it. For B ≥ 0 and no lag it is (K + 2B/T)
+    Δ/2 (Abbott & Okamura 2005 for B = 0). Raises ValueError if the resolution is below 0.
+
+    Args:
+        stiffness: K [N/m].
+        damping: B [N s/m].
+        period: T [s].
+        resolution: Δ [m].
+        velocity_lag: τ [s].
 
     Examples:
         >>> from haptic_device.analysis.assessment import coulomb_friction_needed
@@ -163,6 +172,10 @@ def coulomb_friction_needed(
 
 def advise(display: Display, assessment: Assessment) -> str:
     """One sentence: what holds, and what to change if it does not.
+
+    Args:
+        display: the device and its wall or coupling.
+        assessment: of that display, as of `assess`.
 
     Examples:
         >>> from haptic_device.analysis.assessment import Display, advise, assess

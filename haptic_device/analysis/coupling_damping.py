@@ -32,9 +32,13 @@ POLE = 1e12
 def least_damping_for_any_simulation(transfer: AnyTransfer, period: float, delay_samples: float = 0.0) -> LeastDamping:
     """Least physical damping with any operator and any passive simulation behind the coupling, as a LeastDamping.
 
-    Eq. 5 of Colgate, Stanley & Brown 1995 in closed form; see this module. transfer and period as in `least_damping`;
-    delay_samples: delay in the display's own loop, in periods, any number ≥ 0. Raises ValueError if the period is not
-    above 0, or the delay is below 0.
+    Eq. 5 of Colgate, Stanley & Brown 1995 in closed form; see this module. Raises ValueError if the period is not above
+    0, or the delay is below 0.
+
+    Args:
+        transfer: H(z), as in `least_damping`.
+        period: T [s].
+        delay_samples: delay in the display's own loop, in periods, any number ≥ 0.
 
     Examples:
         >>> from haptic_device.analysis.coupling_damping import least_damping_for_any_simulation

@@ -52,8 +52,13 @@ def delayed_demand(transfer: Response, period: float, fraction: float, angle: Ar
 def least_damping_delayed(transfer: AnyTransfer, period: float, delay_samples: float) -> LeastDamping:
     """Least physical damping with any H(z) and a loop delay, as a LeastDamping.
 
-    delay_samples: the delay in periods, any number ≥ 0. The rest as in `least_damping`; the condition is as exact.
-    Raises ValueError if the period is not above 0, or the delay is below 0.
+    The condition is as exact as that of `least_damping`. Raises ValueError if the period is not above 0, or the
+    delay is below 0.
+
+    Args:
+        transfer: H(z), as in `least_damping`.
+        period: T [s].
+        delay_samples: the delay in periods, any number ≥ 0.
 
     Examples:
         >>> from haptic_device.analysis.delay import least_damping_delayed
@@ -82,8 +87,14 @@ def wall_damping_needed(
 ) -> LeastDamping:
     """Least physical damping of a wall with a lagging velocity and a delay, as a LeastDamping. All arguments broadcast.
 
-    stiffness: K [N/m]; damping: B [N s/m]; period: T [s]; velocity_lag: τ [s]; delay_samples: the delay in periods, any
-    number ≥ 0. Exact, as `least_damping_delayed` is. Raises ValueError for a value out of range.
+    Exact, as `least_damping_delayed` is. Raises ValueError for a value out of range.
+
+    Args:
+        stiffness: K [N/m].
+        damping: B [N s/m].
+        period: T [s].
+        velocity_lag: τ [s].
+        delay_samples: the delay in periods, any number ≥ 0.
 
     Examples:
         >>> from haptic_device.analysis.delay import wall_damping_needed
@@ -108,10 +119,16 @@ def largest_passive_stiffness(
 ) -> float:
     """Largest stiffness K [N/m] of a wall that the device shows passively; 0 if there is none. All arguments broadcast.
 
-    physical_damping: b > 0 of the device [N s/m]; the others as in `wall_damping_needed`. The damping that is needed is
-    a supremum of forms linear in K, so it is convex in K. It is at least KT/2, which is the mean of (1) over θ for
-    every delay and lag. So the passive stiffnesses are one interval, which ends at 2b/T or below. Raises ValueError for
-    a value out of range.
+    The damping that is needed is a supremum of forms linear in K, so it is convex in K. It is at least KT/2, which is
+    the mean of (1) over θ for every delay and lag. So the passive stiffnesses are one interval, which ends at 2b/T or
+    below. Raises ValueError for a value out of range.
+
+    Args:
+        physical_damping: b > 0 of the device [N s/m].
+        damping: B of the wall [N s/m].
+        period: T [s].
+        velocity_lag: τ [s].
+        delay_samples: the delay in periods, any number ≥ 0.
 
     Examples:
         >>> from haptic_device.analysis.delay import largest_passive_stiffness

@@ -79,10 +79,15 @@ def fit(
 ) -> Impedance | None:
     """Fits f = m a + b v + k x + c to the force of one axis, by least squares.
 
-    All arrays are (samples): time rising [s], position [m | rad], velocity, and force [N | N m], that has to push
-    against the display. groups: number of the contact of each sample, each with a constant c of its own. Samples that
-    are not finite are left out. None where there are too few samples, or the axis hardly moved. Method: see this
-    module.
+    Samples that are not finite are left out. None where there are too few samples, or the axis
+    hardly moved. Method: see this module.
+
+    Args:
+        time: rising [s], (samples).
+        position: of the handle [m | rad], (samples).
+        velocity: of the handle [m/s | rad/s], (samples).
+        force: that has to push against the display [N | N m], (samples).
+        groups: number of the contact of each sample, each with a constant c of its own.
 
     Examples:
         >>> import numpy as np
@@ -112,7 +117,10 @@ def fit(
 def held_still(time: Array, tool: Array, position: Array) -> npt.NDArray[np.bool_]:
     """Whether the tool, or a wall, stood still in this axis while the handle moved, (samples), in windows of 50 ms.
 
-    time [s], tool and position [m | rad]: all (samples).
+    Args:
+        time: rising [s], (samples).
+        tool: position of the tool [m | rad], (samples).
+        position: of the handle [m | rad], (samples).
 
     Examples:
         >>> import numpy as np

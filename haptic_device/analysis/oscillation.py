@@ -67,11 +67,15 @@ class Spectrum(NamedTuple):
 
 
 def spectrum_of(force: Array, rate: float, known: float = 0.0) -> Spectrum:
-    """Spectrum of a force (samples, axes) [N] at this rate [Hz], all axes together.
+    """Spectrum of a force, all axes together.
 
-    known: frequency [Hz] whose multiples are no oscillation, such as that of the exchange. Samples that are not finite
-    count as 0. Raises ValueError if the force is shorter than one window, has no axis, or has a rate that leaves no
-    frequency above LOWEST.
+    Samples that are not finite count as 0. Raises ValueError if the force is shorter than one window, has no axis, or
+    has a rate that leaves no frequency above LOWEST.
+
+    Args:
+        force: [N], (samples, axes).
+        rate: samples a second [Hz].
+        known: frequency [Hz] whose multiples are no oscillation, such as that of the exchange.
 
     Examples:
         >>> import numpy as np

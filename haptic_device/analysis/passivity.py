@@ -42,7 +42,10 @@ class LeastDamping(NamedTuple):
 def damping_demand(transfer: Response, period: float, angle: Array) -> Array:
     """Right-hand side of condition (1) of this module [N s/m], at the angles θ = ωT in (0, π].
 
-    transfer: H(z) as a callable; period: T [s]; angle: θ [rad], (angles).
+    Args:
+        transfer: H(z) as a callable.
+        period: T [s].
+        angle: θ [rad], (angles).
 
     Examples:
         >>> import numpy as np
@@ -59,11 +62,15 @@ def damping_demand(transfer: Response, period: float, angle: Array) -> Array:
 def least_damping(transfer: AnyTransfer, period: float) -> LeastDamping:
     """Least physical damping for passivity with any H(z), as a LeastDamping.
 
-    The condition is necessary and sufficient (Colgate, Stanley & Brown 1995, eq. 1; Colgate & Schenkel 1997). transfer:
-    a Transfer, a pair (numerator, denominator) of coefficients from the highest power of z down, or a callable H(z)
-    with real coefficients. period: T [s]. A callable may broadcast parameters that have a last axis of length one, as
-    may the period; the answer then has one entry for each. With a pole on or outside the unit circle no damping is
-    enough; a callable is taken to be stable. Raises ValueError if the period is not above 0.
+    The condition is necessary and sufficient (Colgate, Stanley & Brown 1995, eq. 1; Colgate & Schenkel 1997). A
+    callable may broadcast parameters that have a last axis of length one, as may the period; the answer then has one
+    entry for each. With a pole on or outside the unit circle no damping is enough; a callable is taken to be stable.
+    Raises ValueError if the period is not above 0.
+
+    Args:
+        transfer: a Transfer, a pair (numerator, denominator) of coefficients from the highest power of z down, or a
+            callable H(z) with real coefficients.
+        period: T [s].
 
     Examples:
         >>> from haptic_device.analysis.passivity import least_damping

@@ -24,8 +24,13 @@ from haptic_device.analysis.transfer import Transfer, wall_transfer
 def held_plant(mass: float, physical_damping: float, period: float, fraction: float = 0.0) -> Transfer:
     """Sampled position over held force of the device 1/(s(ms + b)), x(z)/f(z) [m/N], exact; as a Transfer.
 
-    mass: m > 0 [kg]; physical_damping: b ≥ 0 [N s/m]; period: T > 0 [s]; fraction: part of a period, 0 ≤ s < 1, after
-    which the force is switched. Raises ValueError for a value out of range.
+    Raises ValueError for a value out of range.
+
+    Args:
+        mass: m > 0 [kg].
+        physical_damping: b ≥ 0 [N s/m].
+        period: T > 0 [s].
+        fraction: part of a period, 0 ≤ s < 1, after which the force is switched.
 
     Examples:
         >>> from haptic_device.analysis.stability import held_plant
@@ -82,10 +87,17 @@ def spectral_radius(
 ) -> Quantity:
     """Largest magnitude of the loop's poles without an operator: below 1 the display is stable by itself.
 
-    stiffness: K [N/m] and damping: B [N s/m] of the wall, which broadcast. mass: m [kg]; physical_damping: b [N s/m];
-    period: T [s]; delay_samples: the delay in periods; velocity_lag: τ [s]. At K = 0 the free position is a pole at
-    exactly 1, which is left out. Stability is not passivity: an operator may destabilize what is stable alone. Raises
-    ValueError for a value out of range.
+    At K = 0 the free position is a pole at exactly 1, which is left out. Stability is not passivity: an operator may
+    destabilize what is stable alone. Raises ValueError for a value out of range.
+
+    Args:
+        stiffness: K of the wall [N/m]; broadcasts.
+        damping: B of the wall [N s/m]; broadcasts.
+        mass: m [kg].
+        physical_damping: b [N s/m].
+        period: T [s].
+        delay_samples: the delay in periods.
+        velocity_lag: τ [s].
 
     Examples:
         >>> from haptic_device.analysis.stability import spectral_radius
@@ -113,7 +125,15 @@ def stable_ranges(
 ) -> list[tuple[float, float]]:
     """All intervals (low, high) of stiffness K > 0 [N/m] in which the loop is stable without an operator, rising.
 
-    Arguments as in `spectral_radius`. Raises ValueError for a value out of range.
+    Raises ValueError for a value out of range.
+
+    Args:
+        mass: m > 0 of the device [kg].
+        physical_damping: b of the device [N s/m].
+        damping: B of the wall [N s/m].
+        period: T [s].
+        delay_samples: the delay in periods.
+        velocity_lag: τ of the filter on the velocity [s].
 
     Examples:
         >>> from haptic_device.analysis.stability import stable_ranges
@@ -145,8 +165,16 @@ def largest_stable_stiffness(
 ) -> float:
     """Stiffness K [N/m] at which stability is lost first when K rises from 0; 0 if it is missing already there.
 
-    Arguments as in `spectral_radius`; they broadcast. Stability may come back at a larger K; `stable_ranges` tells.
-    With B = 0 and a small bT/m it is near 2b/T, the passive limit. Raises ValueError for a value out of range.
+    The arguments broadcast. Stability may come back at a larger K; `stable_ranges` tells. With
+    B = 0 and a small bT/m it is near 2b/T, the passive limit. Raises ValueError for a value out of range.
+
+    Args:
+        mass: m > 0 of the device [kg].
+        physical_damping: b of the device [N s/m].
+        damping: B of the wall [N s/m].
+        period: T [s].
+        delay_samples: the delay in periods.
+        velocity_lag: τ of the filter on the velocity [s].
 
     Examples:
         >>> from haptic_device.analysis.stability import largest_stable_stiffness

@@ -48,10 +48,15 @@ def wall_transfer(
 ) -> Transfer:
     """Spring and damper on a sampled position, H(z) [N/m]: the force on the device acts against the motion.
 
-    H(z) = K + B (z−1)/(T z) (Colgate, Stanley & Brown 1995, eq. 2), with stiffness K [N/m], damping B [N s/m] and
-    period T > 0 [s]. velocity_lag: time constant τ ≥ 0 [s] of a first-order lag on the velocity. By backward Euler the
-    damper is then B α (z−1)/(T (z−1+α)) with α = T/(T+τ); τ = 0 is eq. 2 again. delay_samples: a whole number of
-    periods by which the force is late, a factor z^−N. Raises ValueError for a value out of range.
+    H(z) = K + B (z−1)/(T z) (Colgate, Stanley & Brown 1995, eq. 2). With a lag τ of the velocity the damper is
+    B α (z−1)/(T (z−1+α)) with α = T/(T+τ), by backward Euler. Raises ValueError for a value out of range.
+
+    Args:
+        stiffness: K [N/m].
+        damping: B [N s/m].
+        period: T > 0 [s].
+        velocity_lag: time constant τ ≥ 0 of a first-order lag on the velocity [s].
+        delay_samples: a whole number of periods by which the force is late, a factor z^−N.
 
     Examples:
         >>> from haptic_device.analysis.transfer import wall_transfer
@@ -79,6 +84,10 @@ def delayed(transfer: Response, samples: float) -> Response:
     """H(z) z^−N: the transfer function, or any other callable, a whole number of samples late.
 
     Raises ValueError if `samples` is not a whole number, at least 0.
+
+    Args:
+        transfer: H(z).
+        samples: N.
 
     Examples:
         >>> from haptic_device.analysis.transfer import delayed, wall_transfer

@@ -35,7 +35,8 @@ class Contact(NamedTuple):
 def touching(rows: Records) -> Flags:
     """Whether each tick was in contact, (ticks): the tool with the scene, or the handle with a wall of the servo.
 
-    rows: of a trace.
+    Args:
+        rows: of a trace.
 
     Examples:
         >>> from haptic_device.analysis.wall_contacts import touching
@@ -55,7 +56,10 @@ def touching(rows: Records) -> Flags:
 def contacts(seconds: Array, touch: Flags, force: Array) -> list[Contact]:
     """The contacts in the order of time. One that comes back within 20 ms is the same; one below 5 ms does not count.
 
-    seconds: time of each tick [s], (n); touch: as of `touching`, (n); force: on the handle in x and y [N], (n, 2).
+    Args:
+        seconds: time of each tick [s], (n).
+        touch: as of `touching`, (n).
+        force: on the handle in x and y [N], (n, 2).
 
     Examples:
         >>> import numpy as np

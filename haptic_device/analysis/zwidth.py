@@ -127,10 +127,13 @@ def check_setup(setup: Setup) -> None:
 
 
 def operators_of(name: str) -> tuple[Operator, ...]:
-    """The operators behind a name: none, light, firm or worst.
+    """The operators behind a name.
 
     Each hand taps once and is pressed once; `worst` is a grid of pressed hands. Raises ValueError with one sentence for
     another name.
+
+    Args:
+        name: none, light, firm or worst.
 
     Examples:
         >>> from haptic_device.analysis.zwidth import operators_of
@@ -145,8 +148,14 @@ def operators_of(name: str) -> tuple[Operator, ...]:
 def run_cells(setup: Setup, operators: Sequence[Operator], stiffness: npt.ArrayLike, damping: npt.ArrayLike) -> Outcome:
     """What walls do when operators tap them, as an Outcome: of each wall the worst over the operators.
 
-    setup: the device; stiffness: K [N/m] and damping: B [N s/m] of the walls, arrays that broadcast. Each cell is a run
-    in lock-step against the exact motion of the device. Raises ValueError for what cannot be a device, a wall or a run.
+    Each cell is a run in lock-step against the exact motion of the device. Raises ValueError for what cannot be a
+    device, a wall or a run.
+
+    Args:
+        setup: the device.
+        operators: as of `operators_of`.
+        stiffness: K of the walls [N/m], an array that broadcasts with damping.
+        damping: B of the walls [N s/m], an array that broadcasts with stiffness.
 
     Examples:
         >>> from haptic_device.analysis.zwidth import NAMES, Setup, operators_of, run_cells
@@ -198,8 +207,12 @@ def _assessment(setup: Setup, operator: Operator, outcomes: npt.NDArray[np.void]
 def theory(setup: Setup, damping: Array, lateness: float = 0.0) -> dict[str, Array]:
     """Lines of theory over the damping B [N s/m], {name: largest K [N/m] at each B}.
 
-    setup: the device; damping: B, (n); lateness: writes are late by anything up to it [s], at most half a period. The
-    lines are `passive`, `stable` and, with a lateness, `late writes`. Raises ValueError for a value out of range.
+    The lines are `passive`, `stable` and, with a lateness, `late writes`. Raises ValueError for a value out of range.
+
+    Args:
+        setup: the device.
+        damping: B [N s/m], (n).
+        lateness: writes are late by anything up to it [s], at most half a period.
 
     Examples:
         >>> import numpy as np

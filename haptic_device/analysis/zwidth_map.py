@@ -74,10 +74,14 @@ def draw_map(
 ) -> Plane:
     """Runs all cells of a map, row by row.
 
-    request: what the map is of; workers: threads, for the cells run without the interpreter's lock. progress(rows done)
-    is called after each row. scheduler: address of a Dask scheduler whose workers run the rows instead. plane: an empty
-    one to fill; what is done is in it if this is interrupted. Raises ValueError with one sentence for values that
-    cannot be, and for a scheduler that is not there.
+    Raises ValueError with one sentence for values that cannot be, and for a scheduler that is not there.
+
+    Args:
+        request: what the map is of.
+        workers: number of threads; the cells run without the interpreter's lock.
+        progress: called after each row with the number of rows that are done.
+        scheduler: address of a Dask scheduler whose workers run the rows instead.
+        plane: an empty one to fill; what is done is in it if this is interrupted.
 
     Examples:
         >>> import numpy as np
@@ -107,7 +111,12 @@ def boundaries(request: Request, plane: Plane, lateness: float = 0.0) -> dict[st
     """Largest stiffness [N/m] over the damping of a map's rows, {name: (b)}: as the map found it, and as theory says.
 
     Up to `quiet` all cells are quiet; up to `not shaking` none shakes; the others are the lines of `zwidth.theory`. One
-    cell that is otherwise hides all above it, which may be quiet again. lateness: as in `theory` [s].
+    cell that is otherwise hides all above it, which may be quiet again.
+
+    Args:
+        request: what the map is of.
+        plane: the map, as of `draw_map`.
+        lateness: as in `theory` [s].
 
     Examples:
         >>> import numpy as np

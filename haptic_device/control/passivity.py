@@ -10,11 +10,16 @@ from haptic_device.jit import kernel
 def least_damping(stiffness, damping, period, delay):
     """Physical damping b [N s/m] above which a wall or a coupling is passive: KT/2 + |B| (Colgate 1995, eq. 3).
 
-    stiffness: K ≥ 0 [N/m]; damping: B of either sign [N s/m]; period: T [s]; delay [s]: how late the force acts.
-    A force that acts late, N + s periods, needs more. With A = KT (½ + N + s) the spring needs
-    ½ [A + √(A² + s(1−s)(KT)²)]. That is exact for a constant delay, and for writes late by anything up to it while
-    it is below T/2. The damper acts over holds of up to T + delay and is charged |B| √(1 + delay/T). Proof:
-    docs/theory/passivity.md. Compiled; the arguments are not checked.
+    A force that acts late, N + s periods, needs more. With A = KT (½ + N + s) the spring needs ½ [A + √(A² +
+    s(1−s)(KT)²)]. That is exact for a constant delay, and for writes late by anything up to it while it is below T/2.
+    The damper acts over holds of up to T + delay and is charged |B| √(1 + delay/T). Proof: docs/theory/passivity.md.
+    Compiled; the arguments are not checked.
+
+    Args:
+        stiffness: K ≥ 0 [N/m].
+        damping: B of either sign [N s/m].
+        period: T [s].
+        delay: how late the force acts [s].
 
     Examples:
         >>> from haptic_device.control.passivity import least_damping
@@ -35,11 +40,17 @@ def least_damping(stiffness, damping, period, delay):
 def coupling_damping(stiffness, damping, period, delay):
     """Physical damping b [N s/m] above which a coupling to any passive simulation in step is passive.
 
-    Arguments as in `least_damping`. With a delay of N + s periods in the display's own loop and
+    With a delay of N + s periods in the display's own loop and
     L = (1−s)(N+1)² + s(N+2)², the spring needs L KT/2, which is exact, and the damper |B| √(1 + delay/T), as for a
     wall. For B < 0 it is L (KT/2)²/(KT/2 + B); no b is enough from B = −KT/2 on. Proof: docs/theory/passivity.md.
     Set-position modulation needs the same where each change of force that is not the handle's own is paid by what it
     can give while it is late (late_price). Compiled; the arguments are not checked.
+
+    Args:
+        stiffness: K ≥ 0 [N/m].
+        damping: B of either sign [N s/m].
+        period: T [s].
+        delay: how late the force acts [s].
 
     Examples:
         >>> from haptic_device.control.passivity import coupling_damping

@@ -23,10 +23,14 @@ _NODE = "haptic_"  # begins the name of every node of ours
 def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] | None = None) -> Recording:
     """Reads a bag folder or one .mcap file. Needs no ROS.
 
-    bag: its path; namespace: needed only where the bag holds several devices. only: the topics to read and what of
-    them, for bags that would not fit into memory: {short name: Entries of a JointState | structured type of a trace |
-    None for all}; diagnostics and marks are read in any case. Raises FileNotFoundError or ValueError with one sentence
-    where there is nothing to read. A bag that is cut off or damaged is read as far as it goes, and `notes` says so.
+    Raises FileNotFoundError or ValueError with one sentence where there is nothing to read. A bag that is cut off or
+    damaged is read as far as it goes, and `notes` says so.
+
+    Args:
+        bag: path of the bag.
+        namespace: needed only where the bag holds several devices.
+        only: the topics to read and what of them, for bags that would not fit into memory: {short name: Entries of a
+            JointState | structured type of a trace | None for all}; diagnostics and marks are read in any case.
 
     Examples:
         >>> from haptic_device.recording import load

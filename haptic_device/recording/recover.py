@@ -75,9 +75,12 @@ class Found:
 def recovered(bag: Path) -> Iterator[str]:
     """Makes a bag whole that was cut off or damaged, and says of each file what was done, one sentence each.
 
-    bag: a folder or one .mcap file. What can be read goes into a file of the same name; the file as it was stays beside
-    it as `NAME.mcap.damaged`. metadata.yaml is written anew where it was missing or wrong. A file that is empty, no
-    MCAP file or none of the bag's is left alone. Raises FileNotFoundError, OSError or ValueError.
+    What can be read goes into a file of the same name; the file as it was stays beside it as `NAME.mcap.damaged`.
+    metadata.yaml is written anew where it was missing or wrong. A file that is empty, no MCAP file or none of the bag's
+    is left alone. Raises FileNotFoundError, OSError or ValueError.
+
+    Args:
+        bag: a folder or one .mcap file.
 
     Examples:
         >>> import shutil

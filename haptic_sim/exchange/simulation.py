@@ -159,12 +159,17 @@ def kernels_of(reduced: ReducedScene, exchange_method: str) -> tuple[str, ...]:
 class Simulation:
     """A scene behind a tool port, which answers handle samples. The same samples give the same bits.
 
-    reduced: the scene; sub_step: step of the world [s], as reduced from the scene unless given; max_catch_up: a handle
-    sample that comes more than this [s] after the one before, or before it, starts a new time base, and the world makes
-    nothing up for the time in between. port: the exchange method at the tool; added: puts bodies of your own into the
-    `space` of the method `impulse`, and is called with the method at the start and after each reset. Raises ValueError
-    for a sub-step out of range, or bodies of your own and a method that has no space. Within an exchange the handle
-    goes evenly from the sample before to the new one.
+    Raises ValueError for a sub-step out of range, or bodies of your own and a method that has no space. Within an
+    exchange the handle goes evenly from the sample before to the new one.
+
+    Args:
+        reduced: the scene.
+        sub_step: step of the world [s], as reduced from the scene unless given.
+        max_catch_up: a handle sample that comes more than this [s] after the one before, or before it, starts a new
+            time base, and the world makes nothing up for the time in between.
+        port: the exchange method at the tool; the direct one unless given.
+        added: puts bodies of your own into the `space` of the method `impulse`, and is called with the method at the
+            start and after each reset.
 
     Examples:
         >>> from haptic_sim.exchange.simulation import HandleSample, Simulation

@@ -14,8 +14,12 @@ from haptic_sim.film.reading import film_of
 def write_film(runs: list[Run], folder: Path, show: Callable[[int, str], None] = lambda done, what: None) -> list[Path]:
     """Writes film.html of one run or two, and film.gif of the first, into a folder; their paths.
 
-    runs: as of `read_run`; folder: is made if it is not there; show(films read, what is next) is called on the way.
     Raises ValueError for a run of which nothing can be seen, OSError if it cannot be written.
+
+    Args:
+        runs: as of `read_run`.
+        folder: is made if it is not there.
+        show: called on the way with the number of films that are read and what is done next.
 
     Examples:
         >>> from pathlib import Path

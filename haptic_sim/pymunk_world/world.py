@@ -61,6 +61,10 @@ class PymunkWorld:
     What is added to the space moves with it and is swept like the scene: bodies, constraints, collision callbacks. It
     stays until the next reset. Model: see this module.
 
+    Args:
+        reduced: the scene.
+        sub_step: [s].
+
     Attributes:
         space: the pymunk.Space.
 

@@ -93,8 +93,12 @@ class ReducedScene(NamedTuple):
 def reduce_scene(scene: Scene, method: str | None = None) -> ReducedScene:
     """The least model of a scene, and the method and sub-step that it gets.
 
-    method: what the parameter of this name asks for, whatever the scene asks for; `auto` or None leaves it to the
-    scene. Raises ValueError if the wish cannot be granted.
+    Raises ValueError if the wish cannot be granted.
+
+    Args:
+        scene: the scene.
+        method: what the parameter of this name asks for, whatever the scene asks for; `auto` or None leaves it to the
+            scene.
 
     Examples:
         >>> from haptic_sim.reduction import reduce_scene

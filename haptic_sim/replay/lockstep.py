@@ -57,11 +57,17 @@ class Played(Protocol):
 class Lockstep:
     """Servo, device model and simulation without clock and without ROS: the same values give the same bits.
 
-    device: the device, as the driver has it; driver, loopback: all parameters of these nodes, {name: value};
-    simulation: the world behind the exchange, or None for a handle in free space; network: what lies between them;
-    write_delay: from each deadline to the motor's write [s]; hand: a recorded motion in place of the loopback's script.
     Raises ValueError where values do not fit together. A handle sample is taken in every exchange period from the
     newest tick; its answer counts from the first tick that is at least the delay later.
+
+    Args:
+        device: the device, as the driver has it.
+        driver: all parameters of these nodes, {name: value}.
+        loopback: all parameters of these nodes, {name: value}.
+        simulation: the world behind the exchange, or None for a handle in free space.
+        network: what lies between them.
+        write_delay: from each deadline to the motor's write [s].
+        hand: a recorded motion in place of the loopback's script.
 
     Examples:
         >>> from haptic_device.description import load_device

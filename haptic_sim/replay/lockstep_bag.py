@@ -59,8 +59,12 @@ class Point(NamedTuple):
 class LockstepBag:
     """A bag of a lock-step run, with the topics of live nodes: `trace`, `snapshot`, `handle`, `operator/state`.
 
-    folder: a new or empty folder; system: the run, not begun; point: its operating point. Raises ValueError if the
-    folder holds something, and OSError if the disk is full.
+    Raises ValueError if the folder holds something, and OSError if the disk is full.
+
+    Args:
+        folder: a new or empty folder.
+        system: the run, not begun.
+        point: its operating point.
 
     Examples:
         >>> from pathlib import Path

@@ -58,7 +58,11 @@ _LIGHT: dict[str, Any] = {"fontsize": 9, "path_effects": [withStroke(linewidth=2
 def save(scene: Scene, path: str | os.PathLike[str]) -> None:
     """Writes a picture of the scene as PNG: bodies, joints, measures, the way of the suggested motion, in mm.
 
-    path: of the file. Raises OSError if it cannot be written.
+    Raises OSError if it cannot be written.
+
+    Args:
+        scene: the scene.
+        path: of the file.
 
     Examples:
         >>> from pathlib import Path
@@ -78,6 +82,10 @@ def save(scene: Scene, path: str | os.PathLike[str]) -> None:
 
 def draw(scene: Scene, axes: Axes) -> None:
     """Draws the scene into axes of matplotlib, in mm.
+
+    Args:
+        scene: the scene.
+        axes: of matplotlib.
 
     Examples:
         >>> from matplotlib.figure import Figure

@@ -142,9 +142,9 @@ class Spring(Joint):
     Attributes:
         bodies: names of the two; `world` is the plane.
         anchors: a point of each body's frame [m, m].
-        stiffness: [N/m].
-        damping: along the line between the points [N s/m].
-        rest: distance without force [m]; as at the start unless given.
+        stiffness (float): [N/m].
+        damping (float): along the line between the points [N s/m].
+        rest (float | None): distance without force [m]; as at the start unless given.
 
     Examples:
         >>> from haptic_sim.scene.joints import Spring
@@ -185,8 +185,8 @@ class RotaryMotor(Motor):
     """The motor of a pin.
 
     Attributes:
-        speed: of body b against body a, counter-clockwise [rad/s].
-        max_torque: largest torque [N m].
+        speed (float): of body b against body a, counter-clockwise [rad/s].
+        max_torque (float): largest torque [N m].
 
     Examples:
         >>> from haptic_sim.scene.joints import RotaryMotor
@@ -201,8 +201,8 @@ class LinearMotor(Motor):
     """The motor of a slider.
 
     Attributes:
-        speed: of body b against body a, along the axis [m/s].
-        max_force: largest force [N].
+        speed (float): of body b against body a, along the axis [m/s].
+        max_force (float): largest force [N].
 
     Examples:
         >>> from haptic_sim.scene.joints import LinearMotor
@@ -242,10 +242,10 @@ class Pin(LowerPair):
         at: point of the plane [m, m]; or
         anchors: a point of each body's frame [m, m].
         limits: least and largest angle [rad], which enclose 0; or None.
-        stiffness: of a spring on the angle [N m/rad].
-        damping: of a damper on the angle [N m s/rad].
-        rest: angle to which the spring pulls [rad].
-        friction_torque: Coulomb friction [N m].
+        stiffness (float): of a spring on the angle [N m/rad].
+        damping (float): of a damper on the angle [N m s/rad].
+        rest (float): angle to which the spring pulls [rad].
+        friction_torque (float): Coulomb friction [N m].
         motor: a RotaryMotor, or None.
 
     Examples:
@@ -277,12 +277,12 @@ class Slider(LowerPair):
         bodies: names of a and b; `world` is the plane.
         at: point of the plane [m, m]; or
         anchors: a point of each body's frame [m, m].
-        axis: direction in the plane at the start, of any length; it is fixed in body a.
+        axis (Point): direction in the plane at the start, of any length; it is fixed in body a.
         limits: least and largest way [m], which enclose 0; or None.
-        stiffness: of a spring on the way [N/m].
-        damping: of a damper on the way [N s/m].
-        rest: way to which the spring pulls [m].
-        friction_force: Coulomb friction [N].
+        stiffness (float): of a spring on the way [N/m].
+        damping (float): of a damper on the way [N s/m].
+        rest (float): way to which the spring pulls [m].
+        friction_force (float): Coulomb friction [N].
         motor: a LinearMotor, or None.
 
     Examples:

@@ -50,9 +50,9 @@ class Measure(Part):
     Attributes:
         body: name of the body.
         point: point of the body's frame [m, m].
-        axis: direction in the plane, of any length; or None.
-        start: where the fraction is 0 [m | rad]; `from` in YAML.
-        end: where the fraction is 1 [m | rad]; `to` in YAML.
+        axis (Point | None): direction in the plane, of any length; or None.
+        start (float): where the fraction is 0 [m | rad]; `from` in YAML.
+        end (float): where the fraction is 1 [m | rad]; `to` in YAML.
 
     Examples:
         >>> from haptic_sim.scene.language import load
@@ -92,15 +92,16 @@ class Task(Part):
     given.
 
     Attributes:
-        title: name of the task.
-        goal: what to do.
-        hint: how to do it.
-        done: {measure: least fraction}.
-        force: force on the hand that is asked for [N], or None.
-        words: how far it is; `{percent}` stands for the number.
+        title (str): name of the task.
+        goal (str): what to do.
+        hint (str): how to do it.
+        done (dict[str, float]): {measure: least fraction}.
+        force (float | None): force on the hand that is asked for [N], or None.
+        words (str): how far it is; `{percent}` stands for the number.
         next: name of the scene that is offered when all is done.
-        way: poses that the tool is shown to go through [m, m, rad]; where there are none, those of the scene's motion.
-        seconds: time in which the tool is shown to go there [s].
+        way (tuple[Pose, ...]): poses that the tool is shown to go through [m, m, rad]; where there are none, those of
+            the scene's motion.
+        seconds (float): time in which the tool is shown to go there [s].
 
     Examples:
         >>> from haptic_sim.scene.language import load
@@ -144,8 +145,8 @@ class Scene(Part):
         description: what it shows.
         gravity: acceleration along x and y [m/s²].
         method: simulation method that is asked for, or None.
-        sub_step: step that is asked for [s], or None.
-        error: error that is asked for, relative, of the fastest motion.
+        sub_step (float | None): step that is asked for [s], or None.
+        error (float): error that is asked for, relative, of the fastest motion.
         materials: {name: material}.
         bodies: fixed and movable bodies.
         joints: what holds bodies together.
@@ -237,6 +238,9 @@ class Scene(Part):
 def load(name: str | Path) -> Scene:
     """The scene of this name in config/scenes, or in the YAML file at this path. Raises SceneError.
 
+    Args:
+        name: a name, or the path of a file.
+
     Examples:
         >>> from haptic_sim.scene.language import load
         >>> scene = load("wall")
@@ -256,8 +260,11 @@ def load(name: str | Path) -> Scene:
 def parse(content: Any, source: str) -> Scene:
     """The scene that a mapping describes, as the YAML file has it.
 
-    source: name of the mapping in the sentence of an error. Raises SceneError: its text is the first thing that is
-    wrong, and its `found` has all of them.
+    Raises SceneError: its text is the first thing that is wrong, and its `found` has all of them.
+
+    Args:
+        content: the mapping.
+        source: name of the mapping in the sentence of an error.
 
     Examples:
         >>> from haptic_sim.scene.language import parse

@@ -61,7 +61,8 @@ class Polygon(Shape):
     """A convex polygon; `{vertices: […]}` in YAML.
 
     Attributes:
-        vertices: corners in the body's frame [m, m], in either sense; they come back counter-clockwise.
+        vertices (tuple[Point, ...]): corners in the body's frame [m, m], in either sense; they come back
+            counter-clockwise.
 
     Examples:
         >>> from haptic_sim.scene.shapes import Polygon
@@ -97,7 +98,7 @@ class Circle(KeyedShape):
     """A disc; `{circle: {radius: …}}` in YAML.
 
     Attributes:
-        radius: [m].
+        radius (float): [m].
         center: in the body's frame [m, m].
 
     Examples:
@@ -120,9 +121,9 @@ class Box(KeyedShape):
     """A rectangle; `{box: {size: [w, h]}}` in YAML.
 
     Attributes:
-        size: width and height [m, m].
+        size (tuple[float, float]): width and height [m, m].
         center: in the body's frame [m, m].
-        angle: by which it is turned, counter-clockwise [rad].
+        angle (float): by which it is turned, counter-clockwise [rad].
 
     Examples:
         >>> from haptic_sim.scene.shapes import Box
@@ -146,7 +147,7 @@ class HalfPlane(KeyedShape):
 
     Attributes:
         point: a point of the line, in the body's frame [m, m].
-        normal: direction out of the body, of any length.
+        normal (Point): direction out of the body, of any length.
 
     Examples:
         >>> from haptic_sim.scene.shapes import HalfPlane
@@ -188,8 +189,8 @@ class Material(Part):
     """Surface of a body.
 
     Attributes:
-        friction: coefficient of Coulomb friction.
-        restitution: coefficient of restitution, 0…1.
+        friction (float): coefficient of Coulomb friction.
+        restitution (float): coefficient of restitution, 0…1.
 
     Examples:
         >>> from haptic_sim.scene.shapes import Material
@@ -253,10 +254,10 @@ class Body(Solid):
         velocity: at the start [m/s, m/s, rad/s].
         layers: numbers of its layers; without any it touches nothing.
         material: name of its material, or None for neither friction nor restitution.
-        shapes: one or more shapes.
+        shapes (tuple[AnyShape, ...]): one or more shapes.
         fixed: whether it stands still.
-        mass: [kg], evenly spread over the shapes unless `inertia` is given.
-        inertia: about the mass centre [kg m²].
+        mass (float | None): [kg], evenly spread over the shapes unless `inertia` is given.
+        inertia (float | None): about the mass centre [kg m²].
         surface_velocity: of a belt, a fixed body whose surface runs, in the body's frame [m/s, m/s].
 
     Examples:
@@ -306,9 +307,9 @@ class Tool(Solid):
         velocity: at the start [m/s, m/s, rad/s].
         layers: numbers of its layers.
         material: name of its material, or None.
-        shapes: one or more shapes.
-        mass: [kg].
-        inertia: about the grip [kg m²], or None for that of the shapes.
+        shapes (tuple[AnyShape, ...]): one or more shapes.
+        mass (float): [kg].
+        inertia (float | None): about the grip [kg m²], or None for that of the shapes.
 
     Examples:
         >>> from haptic_sim.scene.shapes import Circle, Tool

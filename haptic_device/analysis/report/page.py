@@ -24,8 +24,12 @@ _WORDS = {GOOD: "Good.", WARN: "Look at this.", BAD: "Not good."}
 def write_report(runs: list[Run], folder: Path, left_out: Sequence[str] = ()) -> Path:
     """Writes report.html and its figures into a folder; the path of the page.
 
-    runs: as of `read_run`; folder: is made if it is not there; left_out: sentences about recordings that are not shown.
     The page needs no network and no other file. Raises ValueError for too many runs, OSError if it cannot be written.
+
+    Args:
+        runs: as of `read_run`.
+        folder: is made if it is not there.
+        left_out: sentences about recordings that are not shown.
 
     Examples:
         >>> from pathlib import Path

@@ -41,8 +41,12 @@ LEFT_OUT = (
 def read_run(bag: Path | str, namespace: str | None = None) -> Run:
     """The run in a bag, with the columns that a report shows.
 
-    namespace: needed only where the bag holds several devices. A bag without a trace is read by its other topics.
-    Raises FileNotFoundError or ValueError with one sentence if nothing of it can be shown.
+    A bag without a trace is read by its other topics. Raises FileNotFoundError or ValueError with one sentence if
+    nothing of it can be shown.
+
+    Args:
+        bag: path of the bag.
+        namespace: needed only where the bag holds several devices.
 
     Examples:
         >>> from haptic_device.analysis.report.reading import read_run

@@ -25,6 +25,9 @@ _MICRO, _MILLI = 1e6, 1e3
 def engaged_rows(trace: Records) -> Records:
     """Rows of the trace with the motor engaged. Raises ValueError if there are less than two.
 
+    Args:
+        trace: a structured array, a row a tick.
+
     Examples:
         >>> from haptic_device.analysis.report.summary import engaged_rows
         >>> from haptic_device.recording import load
@@ -52,7 +55,10 @@ def period(rows: Records) -> float:
 def servo_figures(rows: Records) -> dict[str, Any]:
     """Of the servo: rate [Hz], ticks, missed ticks, quantiles of lateness and of a tick's own work [µs].
 
-    rows: as of `engaged_rows`. A figure is None where the rows do not tell it.
+    A figure is None where the rows do not tell it.
+
+    Args:
+        rows: as of `engaged_rows`.
 
     Examples:
         >>> from haptic_device.analysis.report.summary import engaged_rows, servo_figures
@@ -75,7 +81,9 @@ def servo_figures(rows: Records) -> dict[str, Any]:
 def exchange_figures(recording: Recording, rows: Records) -> dict[str, Any]:
     """Of the exchange while engaged: samples sent and answered, their rate [Hz], age of the tool sample in use [ms].
 
-    rows: as of `engaged_rows`.
+    Args:
+        recording: the recording, as of `load`.
+        rows: as of `engaged_rows`.
 
     Examples:
         >>> from haptic_device.analysis.report.summary import engaged_rows, exchange_figures
@@ -103,6 +111,10 @@ def energy_figures(recording: Recording, rows: Records) -> dict[str, Any]:
     Positive is from the display to the hand, and from the coupling to the tool. Each counts from the first message of
     the recording. None where nobody said it: a real device has no truth.
 
+    Args:
+        recording: the recording, as of `load`.
+        rows: as of `engaged_rows`.
+
     Examples:
         >>> from haptic_device.analysis.report.summary import energy_figures, engaged_rows
         >>> from haptic_device.recording import load
@@ -128,7 +140,11 @@ def waited_time(recording: Recording) -> float | None:
 def contact_figures(recording: Recording, rows: Records | None) -> dict[str, float | None]:
     """The simulation's strongest contact [N] and deepest overlap [m], and the strongest force on the hand in x, y [N].
 
-    rows: as of `engaged_rows`, or None. None stands for what the recording does not tell.
+    None stands for what the recording does not tell.
+
+    Args:
+        recording: the recording, as of `load`.
+        rows: as of `engaged_rows`, or None.
 
     Examples:
         >>> from haptic_device.analysis.report.summary import contact_figures, engaged_rows
@@ -188,6 +204,9 @@ def late_samples(rows: Records) -> int | None:
 def withheld_figures(recording: Recording) -> dict[str, tuple[float, float]] | None:
     """Time for which force was withheld, {cause: (in all [s], longest [s])}; None where the trace does not say it.
 
+    Args:
+        recording: the recording, as of `load`.
+
     Examples:
         >>> from haptic_device.analysis.report.summary import withheld_figures
         >>> from haptic_device.recording import load
@@ -207,7 +226,11 @@ def residual_figures(recording: Recording, rows: Records) -> dict[str, Any]:
 
     The tool's force answers an older handle sample. `explained_by_age_n` is what that leaves: K Δstretch + B Δrate, of
     the stretch in the servo's eyes less the stretch that the sample made. `unexplained_n` is the RMS of the rest. All
-    are None where no tool sample answers a recorded handle sample. rows: as of `engaged_rows`.
+    are None where no tool sample answers a recorded handle sample.
+
+    Args:
+        recording: the recording, as of `load`.
+        rows: as of `engaged_rows`.
 
     Examples:
         >>> from haptic_device.analysis.report.summary import engaged_rows, residual_figures

@@ -44,6 +44,9 @@ def verdict(run: Run) -> Verdict:
 
     What the recording does not tell is left out.
 
+    Args:
+        run: as of `read_run`.
+
     Examples:
         >>> from haptic_device.analysis.report.reading import read_run
         >>> from haptic_device.analysis.report.verdict import verdict
