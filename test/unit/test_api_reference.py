@@ -39,7 +39,8 @@ def members(kind):
 
 def makes_itself(kind):
     """Whether a class is made of arguments that are not its fields."""
-    return "__init__" in vars(kind) and not is_dataclass(kind) and not issubclass(kind, Exception)
+    other = is_dataclass(kind) or issubclass(kind, Exception) or getattr(kind, "_is_protocol", False)
+    return "__init__" in vars(kind) and not other
 
 
 def listed(one, section):
