@@ -38,8 +38,9 @@ def margins(settings, lateness):
     By axis is an array (3) [N s/m, N s/m, N m s/rad]; the other two are numbers [N s/m] and [N m s/rad]. The gains are
     passive where these two are above 0.
 
-    It is diag(b), less what each wall and the coupling need along their direction (control/passivity), times scale². It
-    is the lesser of outside and inside of walls, where nothing is cancelled.
+    From the physical damping diag(b) it takes away what each wall and the coupling need along their direction, times
+    scale² (control/passivity). The smaller result of two counts: outside of walls, and inside, where no damping is
+    cancelled.
 
     Args:
         settings: one record of `settings_from`.

@@ -74,10 +74,10 @@ def _unfit(scene, method=AUTO) -> list[str]:
 
 
 def remark(path: Path, measure: Measure = _unknown) -> str:
-    """What a file without `problems` wishes for and will not get, in one sentence, or "".
+    """What a file without `problems` asks for and will not get, in one sentence, or "".
 
-    That is a scene's wish for a smaller error than its method has, or gains that are passive on time and are not where
-    the writes are as late as on this machine.
+    Of a scene: its method has a larger error than the scene asks for. Of an operating point: its gains are passive on
+    time, and not with writes that are as late as on this machine.
 
     Args:
         path: as in `problems`.

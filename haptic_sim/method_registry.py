@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 
 class Entry(NamedTuple):
-    """What is known of a method before it is imported.
+    """What is known about a method before it is imported.
 
     Attributes:
         where: place of its class, `module:name`.

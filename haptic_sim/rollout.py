@@ -83,15 +83,15 @@ class Exchanged:
 
 
 class Rollout(NamedTuple):
-    """What came of leading a world along a path.
+    """Result of leading a world along a path.
 
     Attributes:
-        finite: whether all energies and the tool stayed within FAR; a run ends where they do not.
+        finite: whether all energies and the tool stayed within 1e3 J, m or rad. A run ends where they do not.
         poses: {body: (n, 3)} poses [m, m, rad] at the start and at each look.
         spent: processor time of each stride [s], (strides).
         overlap: deepest overlap at the looks [m].
         created: energy created [J]: the largest fall of what has been dissipated.
-        scale: largest energy about [J]: kinetic, potential or in the coupling's spring.
+        scale: largest energy that occurred [J]: kinetic, potential or in the coupling's spring.
 
     Examples:
         >>> from haptic_sim.method_registry import make
@@ -124,7 +124,7 @@ def rollout(
     gains: Coupling | None = None,
     limit: float = math.inf,
 ) -> Rollout:
-    """Leads a world along the hand's path, and says what came of it, as a Rollout.
+    """Leads a world along the hand's path. The result is a Rollout.
 
     Args:
         world: what is led.

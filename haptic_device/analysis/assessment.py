@@ -109,7 +109,7 @@ def check_display(display: Display) -> None:
 
 
 def assess(display: Display) -> Assessment:
-    """Whether a display is passive and stable, by how much, and with which stiffness it still would be.
+    """Whether a display is passive and stable, with which margin, and up to which stiffness.
 
     Raises ValueError if b, T or m is not above 0, K is below 0, or a value is not finite or beyond LIMITS.
 
@@ -175,7 +175,7 @@ def advise(display: Display, assessment: Assessment) -> str:
 
     Args:
         display: the device and its wall or coupling.
-        assessment: of that display, as of `assess`.
+        assessment: of that display, from `assess`.
 
     Examples:
         >>> from haptic_device.analysis.assessment import Display, advise, assess

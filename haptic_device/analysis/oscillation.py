@@ -81,7 +81,7 @@ def spectrum_of(force: Array, rate: float, known: float = 0.0) -> Spectrum:
         >>> import numpy as np
         >>> from haptic_device.analysis.oscillation import spectrum_of
         >>> time = np.arange(0.0, 2.0, 0.001)
-        >>> print(spectrum_of(np.sin(time)[:, None], 1000.0).oscillation)  # a hand's motion is none
+        >>> print(spectrum_of(np.sin(time)[:, None], 1000.0).oscillation)  # the motion of a hand is none
         None
     """
     within("rate", rate, SLOWEST, np.inf, "Hz")

@@ -163,7 +163,7 @@ def largest_stable_stiffness(
     delay_samples: float = 0.0,
     velocity_lag: float = 0.0,
 ) -> float:
-    """Stiffness K [N/m] at which stability is lost first when K rises from 0; 0 if it is missing already there.
+    """Stiffness K [N/m] at which stability is lost first when K rises from 0; 0 if there is none near K = 0.
 
     The arguments broadcast. Stability may come back at a larger K; `stable_ranges` tells. With
     B = 0 and a small bT/m it is near 2b/T, the passive limit. Raises ValueError for a value out of range.

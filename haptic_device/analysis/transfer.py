@@ -92,7 +92,7 @@ def delayed(transfer: Response, samples: float) -> Response:
     Examples:
         >>> from haptic_device.analysis.transfer import delayed, wall_transfer
         >>> late = delayed(wall_transfer(1000.0, 0.0, 0.001), 1)
-        >>> print(late(-1.0))  # at half the sampling rate one sample late is the opposite sign
+        >>> print(late(-1.0))  # at z = -1 one sample of delay changes the sign
         -1000.0
     """
     if samples != int(samples) or samples < 0:

@@ -58,7 +58,7 @@ def contacts(seconds: Array, touch: Flags, force: Array) -> list[Contact]:
 
     Args:
         seconds: time of each tick [s], (n).
-        touch: as of `touching`, (n).
+        touch: from `touching`, (n).
         force: on the handle in x and y [N], (n, 2).
 
     Examples:

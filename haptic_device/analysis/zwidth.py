@@ -146,14 +146,14 @@ def operators_of(name: str) -> tuple[Operator, ...]:
 
 
 def run_cells(setup: Setup, operators: Sequence[Operator], stiffness: npt.ArrayLike, damping: npt.ArrayLike) -> Outcome:
-    """What walls do when operators tap them, as an Outcome: of each wall the worst over the operators.
+    """What walls do when operators tap them, as an Outcome: for each wall the worst result of the operators.
 
     Each cell is a run in lock-step against the exact motion of the device. Raises ValueError for what cannot be a
     device, a wall or a run.
 
     Args:
         setup: the device.
-        operators: as of `operators_of`.
+        operators: from `operators_of`.
         stiffness: K of the walls [N/m], an array that broadcasts with damping.
         damping: B of the walls [N s/m], an array that broadcasts with stiffness.
 

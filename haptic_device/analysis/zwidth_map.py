@@ -115,7 +115,7 @@ def boundaries(request: Request, plane: Plane, lateness: float = 0.0) -> dict[st
 
     Args:
         request: what the map is of.
-        plane: the map, as of `draw_map`.
+        plane: the map, from `draw_map`.
         lateness: as in `theory` [s].
 
     Examples:

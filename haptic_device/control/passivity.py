@@ -10,9 +10,12 @@ from haptic_device.jit import kernel
 def least_damping(stiffness, damping, period, delay):
     """Physical damping b [N s/m] above which a wall or a coupling is passive: KT/2 + |B| (Colgate 1995, eq. 3).
 
-    A force that acts late, N + s periods, needs more. With A = KT (½ + N + s) the spring needs ½ [A + √(A² +
-    s(1−s)(KT)²)]. That is exact for a constant delay, and for writes late by anything up to it while it is below T/2.
-    The damper acts over holds of up to T + delay and is charged |B| √(1 + delay/T). Proof: docs/theory/passivity.md.
+    A force that acts late needs more damping. With delay = (N + s) T, 0 ≤ s < 1, and A = KT (½ + N + s) it is
+
+        ½ [A + √(A² + s(1−s)(KT)²)] + |B| √(1 + min(delay/T, 1)).
+
+    The spring's part is exact for a constant delay, and for writes that are late by anything up to a delay below T/2.
+    The damper's part is a bound, since it acts over holds of up to T + delay. Proof: docs/theory/passivity.md.
     Compiled; the arguments are not checked.
 
     Args:
@@ -40,11 +43,13 @@ def least_damping(stiffness, damping, period, delay):
 def coupling_damping(stiffness, damping, period, delay):
     """Physical damping b [N s/m] above which a coupling to any passive simulation in step is passive.
 
-    With a delay of N + s periods in the display's own loop and
-    L = (1−s)(N+1)² + s(N+2)², the spring needs L KT/2, which is exact, and the damper |B| √(1 + delay/T), as for a
-    wall. For B < 0 it is L (KT/2)²/(KT/2 + B); no b is enough from B = −KT/2 on. Proof: docs/theory/passivity.md.
-    Set-position modulation needs the same where each change of force that is not the handle's own is paid by what it
-    can give while it is late (late_price). Compiled; the arguments are not checked.
+    The delay is in the display's own loop. With delay = (N + s) T, 0 ≤ s < 1, and L = (1−s)(N+1)² + s(N+2)² it is
+
+        L KT/2 + B √(1 + min(delay/T, 1))    for B ≥ 0, where the spring's part is exact,
+        L (KT/2)²/(KT/2 + B)                 for −KT/2 < B < 0, and infinite for B ≤ −KT/2.
+
+    Proof: docs/theory/passivity.md. Set-position modulation needs the same, where each change of force that is not the
+    handle's own is paid by what it can give while it is late (late_price). Compiled; the arguments are not checked.
 
     Args:
         stiffness: K ≥ 0 [N/m].

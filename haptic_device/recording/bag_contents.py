@@ -128,7 +128,7 @@ class Mark(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Recording:
-    """What a bag holds of one namespace. Topics have their short names: `trace`, `handle`, `operator/state`.
+    """What a bag holds from one namespace. Topics have short names: `trace`, `handle`, `operator/state`.
 
     Attributes:
         bag: path of the bag.
@@ -145,7 +145,7 @@ class Recording:
         orders: of each topic with stamps, how many of these fall behind the one before.
         seconds: from the first message to the last [s].
         pairs: the same instants of the system clock and of CLOCK_MONOTONIC [ns], for `monotonic`.
-        notes: what was wrong with the bag, one sentence each.
+        notes: problems of the bag, one sentence each.
 
     Examples:
         >>> from haptic_device.recording import load

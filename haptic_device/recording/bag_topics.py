@@ -29,7 +29,7 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
     Args:
         bag: path of the bag.
         namespace: needed only where the bag holds several devices.
-        only: the topics to read and what of them, for bags that would not fit into memory: {short name: Entries of a
+        only: the topics to read and which parts, for bags that would not fit into memory: {short name: Entries of a
             JointState | structured type of a trace | None for all}; diagnostics and marks are read in any case.
 
     Examples:

@@ -10,7 +10,7 @@ from haptic_device.recording.layouts import CLOUD, PARTS, STAMPED, layout_of, st
 
 
 class Entries(NamedTuple):
-    """What is read of a JointState topic; the rest stays empty.
+    """What to read from a JointState topic. The rest stays empty.
 
     Attributes:
         names: entries of the topic, by name.

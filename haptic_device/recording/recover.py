@@ -73,7 +73,7 @@ class Found:
 
 
 def recovered(bag: Path) -> Iterator[str]:
-    """Makes a bag whole that was cut off or damaged, and says of each file what was done, one sentence each.
+    """Repairs a bag that was cut off or damaged. Yields one sentence for each file: what was done.
 
     What can be read goes into a file of the same name; the file as it was stays beside it as `NAME.mcap.damaged`.
     metadata.yaml is written anew where it was missing or wrong. A file that is empty, no MCAP file or none of the bag's

@@ -52,7 +52,7 @@ class ToolSample(NamedTuple):
 
 
 class Counters(NamedTuple):
-    """What happened since the last reset.
+    """Counts since the last reset.
 
     Attributes:
         exchanges: handle samples that were answered.
@@ -159,14 +159,14 @@ def kernels_of(reduced: ReducedScene, exchange_method: str) -> tuple[str, ...]:
 class Simulation:
     """A scene behind a tool port, which answers handle samples. The same samples give the same bits.
 
-    Raises ValueError for a sub-step out of range, or bodies of your own and a method that has no space. Within an
-    exchange the handle goes evenly from the sample before to the new one.
+    Within an exchange the handle goes evenly from the sample before to the new one. Raises ValueError for a sub-step
+    out of range, and for bodies of your own where the method has no space.
 
     Args:
         reduced: the scene.
         sub_step: step of the world [s], as reduced from the scene unless given.
-        max_catch_up: a handle sample that comes more than this [s] after the one before, or before it, starts a new
-            time base, and the world makes nothing up for the time in between.
+        max_catch_up: longest time between two handle samples that the world makes up [s]. A later sample, or one with
+            an earlier time, starts a new time base.
         port: the exchange method at the tool; the direct one unless given.
         added: puts bodies of your own into the `space` of the method `impulse`, and is called with the method at the
             start and after each reset.

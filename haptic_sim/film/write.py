@@ -17,7 +17,7 @@ def write_film(runs: list[Run], folder: Path, show: Callable[[int, str], None] =
     Raises ValueError for a run of which nothing can be seen, OSError if it cannot be written.
 
     Args:
-        runs: as of `read_run`.
+        runs: from `read_run`.
         folder: is made if it is not there.
         show: called on the way with the number of films that are read and what is done next.
 

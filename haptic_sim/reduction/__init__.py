@@ -23,7 +23,7 @@ ASKED = "the parameter method asks for it"
 
 
 class Needs(NamedTuple):
-    """What of a scene has to be modelled.
+    """What has to be modelled in a scene.
 
     Attributes:
         moving: bodies that can move, the tool first.

@@ -55,7 +55,7 @@ class Played(Protocol):
 
 
 class Lockstep:
-    """Servo, device model and simulation without clock and without ROS: the same values give the same bits.
+    """Servo, device model and simulation in one process, without clock and ROS. The same values give the same bits.
 
     Raises ValueError where values do not fit together. A handle sample is taken in every exchange period from the
     newest tick; its answer counts from the first tick that is at least the delay later.
@@ -65,7 +65,7 @@ class Lockstep:
         driver: all parameters of these nodes, {name: value}.
         loopback: all parameters of these nodes, {name: value}.
         simulation: the world behind the exchange, or None for a handle in free space.
-        network: what lies between them.
+        network: the network between driver and simulation.
         write_delay: from each deadline to the motor's write [s].
         hand: a recorded motion in place of the loopback's script.
 

@@ -54,7 +54,7 @@ class Hand(NamedTuple):
 
 
 def recorded(bag: Path, namespace: str | None = None) -> Recording:
-    """The bag at this path, with what a replay needs of it, as a `Recording`; errors as of `load`.
+    """The bag at this path, with what a replay needs of it, as a `Recording`; errors as in `load`.
 
     Args:
         bag: path of the bag.
@@ -75,7 +75,7 @@ def hand_of(recording: Recording, as_device: bool) -> Hand:
     Raises ValueError if the bag has no such motion.
 
     Args:
-        recording: as of `recorded`.
+        recording: from `recorded`.
         as_device: the handle is where it was, whatever the display does; else the hand's target is played, and the
             handle gives way.
 
@@ -136,8 +136,8 @@ def recorded_point(recording: Recording, given: dict[str, dict[str, Any]]) -> Po
     Raises ValueError with one sentence.
 
     Args:
-        recording: as of `recorded`.
-        given: {node: {parameter: value}}, as of `given_at`.
+        recording: from `recorded`.
+        given: {node: {parameter: value}}, from `given_at`.
 
     Examples:
         >>> from pathlib import Path
@@ -163,8 +163,8 @@ def replay(hand: Hand, point: Point, network: Network, bag: Path) -> float:
     what it has, and standard error says where it is.
 
     Args:
-        hand: as of `hand_of`.
-        point: as of `recorded_point`.
+        hand: from `hand_of`.
+        point: from `recorded_point`.
         network: between driver and simulation.
         bag: a new or empty folder.
 

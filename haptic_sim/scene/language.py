@@ -45,7 +45,7 @@ class SceneError(ConfigError):
 
 
 class Measure(Part):
-    """How far a point of a body has come along an axis, as a fraction; without an axis, how far the body has turned.
+    """How far a point of a body has moved along an axis, as a fraction. Without an axis: how far the body has turned.
 
     Attributes:
         body: name of the body.

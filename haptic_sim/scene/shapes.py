@@ -203,7 +203,7 @@ class Material(Part):
 
 
 class MassProperties(NamedTuple):
-    """How a body resists being moved.
+    """Mass and inertia of a body.
 
     Attributes:
         mass: [kg].

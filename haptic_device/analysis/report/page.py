@@ -27,7 +27,7 @@ def write_report(runs: list[Run], folder: Path, left_out: Sequence[str] = ()) ->
     The page needs no network and no other file. Raises ValueError for too many runs, OSError if it cannot be written.
 
     Args:
-        runs: as of `read_run`.
+        runs: from `read_run`.
         folder: is made if it is not there.
         left_out: sentences about recordings that are not shown.
 

@@ -26,14 +26,14 @@ AVERAGED = 8  # ticks, where only the servo's own columns are there
 
 @dataclass
 class Run:
-    """A recording and what is computed of it, each thing once. What the recording does not tell raises ValueError.
+    """A recording and what is computed from it. A property raises ValueError if the recording lacks what it needs.
 
     Time 0 is the first tick with the motor engaged, or the first message where there is no trace.
 
     Attributes:
         recording: the recording.
         name: name of the bag.
-        notes: what was wrong with it, one sentence each.
+        notes: problems of the bag, one sentence each.
         no_trace: why there is no trace that can be shown, or "".
 
     Examples:

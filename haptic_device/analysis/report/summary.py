@@ -55,10 +55,10 @@ def period(rows: Records) -> float:
 def servo_figures(rows: Records) -> dict[str, Any]:
     """Of the servo: rate [Hz], ticks, missed ticks, quantiles of lateness and of a tick's own work [µs].
 
-    A figure is None where the rows do not tell it.
+    A figure is None where the rows lack it.
 
     Args:
-        rows: as of `engaged_rows`.
+        rows: from `engaged_rows`.
 
     Examples:
         >>> from haptic_device.analysis.report.summary import engaged_rows, servo_figures
@@ -82,8 +82,8 @@ def exchange_figures(recording: Recording, rows: Records) -> dict[str, Any]:
     """Of the exchange while engaged: samples sent and answered, their rate [Hz], age of the tool sample in use [ms].
 
     Args:
-        recording: the recording, as of `load`.
-        rows: as of `engaged_rows`.
+        recording: the recording, from `load`.
+        rows: from `engaged_rows`.
 
     Examples:
         >>> from haptic_device.analysis.report.summary import engaged_rows, exchange_figures
@@ -109,11 +109,11 @@ def energy_figures(recording: Recording, rows: Records) -> dict[str, Any]:
     """Energy [J] given to the operator, by a simulated device's truth, and supplied to the tool.
 
     Positive is from the display to the hand, and from the coupling to the tool. Each counts from the first message of
-    the recording. None where nobody said it: a real device has no truth.
+    the recording. None where it was not recorded: a real device has no such truth.
 
     Args:
-        recording: the recording, as of `load`.
-        rows: as of `engaged_rows`.
+        recording: the recording, from `load`.
+        rows: from `engaged_rows`.
 
     Examples:
         >>> from haptic_device.analysis.report.summary import energy_figures, engaged_rows
@@ -140,11 +140,11 @@ def waited_time(recording: Recording) -> float | None:
 def contact_figures(recording: Recording, rows: Records | None) -> dict[str, float | None]:
     """The simulation's strongest contact [N] and deepest overlap [m], and the strongest force on the hand in x, y [N].
 
-    None stands for what the recording does not tell.
+    None stands for what the recording lacks.
 
     Args:
-        recording: the recording, as of `load`.
-        rows: as of `engaged_rows`, or None.
+        recording: the recording, from `load`.
+        rows: from `engaged_rows`, or None.
 
     Examples:
         >>> from haptic_device.analysis.report.summary import contact_figures, engaged_rows
@@ -202,10 +202,10 @@ def late_samples(rows: Records) -> int | None:
 
 
 def withheld_figures(recording: Recording) -> dict[str, tuple[float, float]] | None:
-    """Time for which force was withheld, {cause: (in all [s], longest [s])}; None where the trace does not say it.
+    """Time for which force was withheld, {cause: (in all [s], longest [s])}; None where the trace lacks it.
 
     Args:
-        recording: the recording, as of `load`.
+        recording: the recording, from `load`.
 
     Examples:
         >>> from haptic_device.analysis.report.summary import withheld_figures
@@ -225,12 +225,12 @@ def residual_figures(recording: Recording, rows: Records) -> dict[str, Any]:
     """How far the coupling's forces on handle and tool are from equal and opposite [N], RMS over x and y.
 
     The tool's force answers an older handle sample. `explained_by_age_n` is what that leaves: K Δstretch + B Δrate, of
-    the stretch in the servo's eyes less the stretch that the sample made. `unexplained_n` is the RMS of the rest. All
+    the stretch that the servo knows less the stretch of the sample. `unexplained_n` is the RMS of the rest. All
     are None where no tool sample answers a recorded handle sample.
 
     Args:
-        recording: the recording, as of `load`.
-        rows: as of `engaged_rows`.
+        recording: the recording, from `load`.
+        rows: from `engaged_rows`.
 
     Examples:
         >>> from haptic_device.analysis.report.summary import engaged_rows, residual_figures

@@ -23,9 +23,9 @@ class Verdict(NamedTuple):
     """The verdict on a run.
 
     Attributes:
-        level: the worst of all: good, warn or bad.
+        level: the worst that was found: good, warn or bad.
         ending: how the run ended.
-        rest: what else there was, in one line.
+        rest: other findings, in one line.
 
     Examples:
         >>> from haptic_device.analysis.report.reading import read_run
@@ -42,10 +42,10 @@ class Verdict(NamedTuple):
 def verdict(run: Run) -> Verdict:
     """The verdict on a run: faults, whether the job was done, energy given, force withheld, ticks and samples late.
 
-    What the recording does not tell is left out.
+    What the recording lacks is left out.
 
     Args:
-        run: as of `read_run`.
+        run: from `read_run`.
 
     Examples:
         >>> from haptic_device.analysis.report.reading import read_run
