@@ -139,10 +139,10 @@ class Recording:
         marks: markers, in the order of time.
         attachments: files in the bag, {name: bytes}.
         counts: messages of each topic, by full name.
-        skipped: gaps in the publisher's numbers of each topic: messages that the bag lacks.
-        lost: messages of each topic that were published and never came to the recorder; None where several publish and
-            nobody can tell.
-        orders: of each topic with stamps, how many of these fall behind the one before.
+        skipped: gaps in the publisher's numbers of each topic, by full name: messages that the bag lacks.
+        lost: messages of each topic that were published and never came to the recorder, by full name. None where
+            several publish and nobody can tell.
+        orders: order of the stamps of each topic that has any, by full name.
         seconds: from the first message to the last [s].
         pairs: the same instants of the system clock and of CLOCK_MONOTONIC [ns], for `monotonic`.
         notes: problems of the bag, one sentence each.

@@ -35,7 +35,7 @@ class Joint(Part):
     Attributes:
         name: name of the joint, or "".
         bodies: names of the two; `world` is the plane.
-        at: point of the plane where they are joined [m, m]; or
+        at: point of the plane where they are joined [m, m]. Give this or `anchors`.
         anchors: a point of each body's frame [m, m].
         collide: whether the bodies touch each other.
 
@@ -119,7 +119,7 @@ class Weld(Joint):
 
     Attributes:
         bodies: names of the two; `world` is the plane.
-        at: point of the plane where they are joined [m, m]; or
+        at: point of the plane where they are joined [m, m]. Give this or `anchors`.
         anchors: a point of each body's frame [m, m].
 
     Examples:
@@ -239,7 +239,7 @@ class Pin(LowerPair):
 
     Attributes:
         bodies: names of a and b; `world` is the plane.
-        at: point of the plane [m, m]; or
+        at: point of the plane [m, m]. Give this or `anchors`.
         anchors: a point of each body's frame [m, m].
         limits: least and largest angle [rad], which enclose 0; or None.
         stiffness (float): of a spring on the angle [N m/rad].
@@ -275,7 +275,7 @@ class Slider(LowerPair):
 
     Attributes:
         bodies: names of a and b; `world` is the plane.
-        at: point of the plane [m, m]; or
+        at: point of the plane [m, m]. Give this or `anchors`.
         anchors: a point of each body's frame [m, m].
         axis (Point): direction in the plane at the start, of any length; it is fixed in body a.
         limits: least and largest way [m], which enclose 0; or None.
