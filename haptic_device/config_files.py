@@ -12,7 +12,22 @@ SHOWN = 6  # names that a refusal lists
 
 
 class ConfigError(ValueError):
-    """A file that cannot be used: one sentence. `found`: one for each thing that is wrong, without the file's name."""
+    """A file that cannot be used. The text is one sentence that begins with the name of the file.
+
+    Attributes:
+        found: one sentence for each thing that is wrong, without the name of the file.
+
+    Examples:
+        >>> from haptic_device.config_files import ConfigError
+        >>> from haptic_device.description import parse
+        >>> try:
+        ...     parse({"axes": []}, "rail.yaml")
+        ... except ConfigError as error:
+        ...     for sentence in error.found:
+        ...         print(sentence)
+        name is missing; add it
+        axes: it has 0 entries, and should have at least 1
+    """
 
     def __init__(self, sentence: str, found: Sequence[str] = ()):
         super().__init__(sentence)
@@ -20,9 +35,18 @@ class ConfigError(ValueError):
 
 
 def find(folder: str, name) -> Path:
-    """The file name if it exists, else config/<folder>/<name>.yaml ("" is config/ itself).
+    """The file `name` if it exists, else config/<folder>/<name>.yaml; the folder "" is config/ itself.
 
-    Raises FileNotFoundError, one sentence with the nearest names.
+    Raises FileNotFoundError with one sentence, which has the nearest names.
+
+    Args:
+        folder: devices or scenes; "" is config/ itself.
+        name: a name, or the path of a file.
+
+    Examples:
+        >>> from haptic_device.config_files import find
+        >>> find("scenes", "wall").name
+        'wall.yaml'
     """
     if Path(name).is_file():
         return Path(name)
@@ -46,7 +70,16 @@ def find_beside(file: Path, folder: str, name: str) -> str:
 
 
 def names(folder: str) -> list[str]:
-    """Sorted names that find(folder, name) knows, without the .yaml."""
+    """The names that `find` knows in a folder of config/, sorted, without `.yaml`.
+
+    Args:
+        folder: devices or scenes; "" is config/ itself.
+
+    Examples:
+        >>> from haptic_device.config_files import names
+        >>> "desktop" in names("devices")
+        True
+    """
     return sorted({path.stem for root in _roots() for path in (root / folder).glob("*.yaml")})
 
 

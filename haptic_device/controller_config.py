@@ -41,7 +41,24 @@ def settings_of(device):
 
 
 def settings_from(device, values, version=0):
-    """SETTINGS record of this operating point. Raises ValueError, one sentence, where values do not fit together."""
+    """The servo's settings at this operating point: a structured array of one record, SETTINGS of control/records.
+
+    Raises ValueError with one sentence where values do not fit together or do not fit the device.
+
+    Args:
+        device: a `Device`.
+        values: all parameters of haptic_driver, {name: value}.
+        version: number of these settings.
+
+    Examples:
+        >>> from haptic_device.controller_config import settings_from
+        >>> from haptic_device.description import load_device
+        >>> from haptic_device.parameter_types import defaults
+        >>> from haptic_sim.node_parameters import NODES
+        >>> settings = settings_from(load_device("desktop"), defaults(NODES["haptic_driver"]))
+        >>> print(settings["period"][0], settings["coupling"]["stiffness"][0])  # [s], [N/m, N/m, N m/rad]
+        0.00025 [1000. 1000.    1.]
+    """
     settings = settings_of(device)
     settings["version"], settings["period"] = version, 1.0 / values["servo.rate"]
     late, rate = float(settings["hardware"]["delay"][0]) * values["servo.rate"], values["servo.rate"]

@@ -21,7 +21,18 @@ MOST_STIFF = 1.0 / (SUB_STEP * 1e-9)  # [1/s] damping over mass up to which the 
 
 
 class DragSensor(Part):
-    """Sensor of the physical damper's drag: bandwidth [Hz] (0 = unlimited), bias and noise (σ) [N | N m]."""
+    """Sensor of the physical damper's drag, per axis.
+
+    Attributes:
+        bandwidth (float): [Hz]; 0 means that there is no limit.
+        bias (float): constant error of the reading [N | N m].
+        noise (float): standard deviation of the reading [N | N m].
+
+    Examples:
+        >>> from haptic_device.description import DragSensor
+        >>> DragSensor(bandwidth=500.0)
+        DragSensor(bandwidth=500.0, bias=0.0, noise=0.0)
+    """
 
     bandwidth: Annotated[NotNegative, Unit("Hz")] = 0.0
     bias: Annotated[Number, Unit("N or N m")] = 0.0
@@ -29,11 +40,27 @@ class DragSensor(Part):
 
 
 class Axis(Part):
-    """One axis: metres and newtons for x and y, radians and newton metres for theta.
+    """One axis: x and y in metres and newtons, theta in radians and newton metres.
 
-    counts_per_unit: encoder counts per m | rad. encoder_sign, motor_sign: −1 where the hardware counts or pushes the
-    other way. zero: device position at count 0. motor_constant: N | N m per motor unit. motor_limit, workspace,
-    velocity_limit: what the axis stands; mass (inertia), damping b and coulomb friction f_c of the mechanism.
+    Attributes:
+        name: x, y or theta.
+        counts_per_unit (float): encoder counts per m | rad.
+        encoder_sign: −1 where the encoder counts the other way.
+        zero (float): position of the device where the encoder counts 0 [m | rad].
+        motor_constant (float): force per unit of the motor's command [N | N m].
+        motor_sign: −1 where the motor pushes the other way.
+        motor_limit (float): largest force of the motor [N | N m].
+        workspace (tuple[float, float]): lowest and highest position [m | rad].
+        velocity_limit (float): fastest motion that the axis stands [m/s | rad/s].
+        mass (float): moving mass or inertia m of the mechanism [kg | kg m²].
+        damping (float): physical damping b of the mechanism [N s/m | N m s/rad].
+        coulomb (float): Coulomb friction of the mechanism [N | N m].
+
+    Examples:
+        >>> from haptic_device.description import load_device
+        >>> axis = load_device("desktop").axes[0]
+        >>> axis.name, axis.mass, axis.damping
+        ('x', 0.1, 3.0)
     """
 
     name: Literal["x", "y", "theta"]
@@ -64,12 +91,30 @@ class Axis(Part):
 
 
 class Device(Part):
-    """A device with axes x, x and y, or x, y and theta.
+    """A device with the axes x; x and y; or x, y and theta. Nothing in it can be changed.
 
-    gravity: acceleration [m/s²] along x and y that pulls at the handle's mass; compensated by the driver if
-    gravity_compensation. delays [s]. scale: world metres per device metre, and radians per radian; a world stiffness is
-    felt scale² times as stiff. homing `at_start`: where the handle is when the driver starts is taken as its home.
-    link: what it is connected by (haptic_device/link_registry); haptic_loopback stands in for it by default.
+    Attributes:
+        name: name of the device.
+        axes (tuple[Axis, ...]): its axes, in the order x, y, theta.
+        gravity (tuple[float, float]): acceleration along x and y that pulls at the handle's mass [m/s²].
+        gravity_compensation: whether the driver compensates that weight.
+        sensing_delay (float): from the position to the sample [s].
+        actuation_delay (float): from the command to the force [s].
+        scale (tuple[float, float]): world metres per device metre, and radians per radian. The hand feels a world
+            stiffness scale² times.
+        homing: `at_start` takes the place of the handle when the driver starts as its home.
+        home (tuple[float, float, float]): position of the handle at home [m, m, rad].
+        drag_sensor: sensor of the damper's drag.
+        link: what connects the device (haptic_device/link_registry.py); `loopback` is the simulated device.
+
+    Examples:
+        >>> from haptic_device.description import load_device
+        >>> device = load_device("desktop")
+        >>> [axis.name for axis in device.axes], device.link.type
+        (['x', 'y', 'theta'], 'loopback')
+        >>> softer = device.model_copy(update={"scale": (0.5, 1.0)})  # another device, the first stays as it is
+        >>> softer.scale, device.scale
+        ((0.5, 1.0), (1.0, 1.0))
     """
 
     name: str
@@ -92,18 +137,47 @@ class Device(Part):
         return self
 
     def weight(self, axis: int) -> float:
-        """Force of gravity on the handle [N] along axis 0…2."""
+        """Force of gravity on the handle [N] along axis 0…2, in the device's frame."""
         return self.axes[axis].mass * self.gravity[axis] if axis < min(2, len(self.axes)) else 0.0
 
 
 def load_device(name: str | Path) -> Device:
-    """The device of this name (config/devices) or file. Raises ConfigError or FileNotFoundError, one sentence."""
+    """The device of this name in config/devices, or in the YAML file at this path.
+
+    Raises FileNotFoundError if there is neither, and ConfigError with one sentence if the file is wrong.
+
+    Args:
+        name: a name, or the path of a file.
+
+    Examples:
+        >>> from haptic_device.description import load_device
+        >>> load_device("desktop").name
+        'desktop'
+        >>> load_device("destkop")
+        Traceback (most recent call last):
+            ...
+        FileNotFoundError: destkop is neither a file nor a name in config/devices, ...; did you mean desktop?
+    """
     path = find("devices", name)
     return parse(yaml_reader.load(path), str(path))
 
 
 def parse(content: Any, source: str) -> Device:
-    """A device from a mapping; `source` names it in the sentence of a ConfigError."""
+    """The device that a mapping describes, as the YAML file has it.
+
+    Raises ConfigError: its text is the first thing that is wrong, and its `found` has all of them.
+
+    Args:
+        content: the mapping.
+        source: name of the mapping in the sentence of an error.
+
+    Examples:
+        >>> from haptic_device.description import parse
+        >>> parse({"name": "rail", "axes": []}, "rail.yaml")
+        Traceback (most recent call last):
+            ...
+        haptic_device.config_files.ConfigError: rail.yaml: axes: it has 0 entries, and should have at least 1
+    """
     try:
         return Device.model_validate(content)
     except ValidationError as error:

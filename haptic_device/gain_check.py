@@ -33,11 +33,30 @@ def surplus(settings, lateness):
 
 
 def margins(settings, lateness):
-    """Physical damping left over: by axis (3), in the worst direction of x and y [N s/m], about theta [N m s/rad].
+    """Physical damping that is left over: by axis, in the worst direction of x and y, about theta.
 
-    diag(b) less, for every wall and the coupling, scale² times what each needs along its direction
-    (control/passivity); the lesser of outside and inside of walls, where nothing is cancelled.
-    lateness: how late forces act beyond the nominal period [s], delays of the device included.
+    By axis is an array (3) [N s/m, N s/m, N m s/rad]; the other two are numbers [N s/m] and [N m s/rad]. The gains are
+    passive where these two are above 0.
+
+    From the physical damping diag(b) it takes away what each wall and the coupling need along their direction, times
+    scale² (control/passivity). The smaller result of two counts: outside of walls, and inside, where no damping is
+    cancelled.
+
+    Args:
+        settings: one record of `settings_from`.
+        lateness: how late forces act beyond the nominal period, with the device's delays [s].
+
+    Examples:
+        >>> from haptic_device.controller_config import settings_from
+        >>> from haptic_device.description import load_device
+        >>> from haptic_device.gain_check import margins
+        >>> from haptic_device.parameter_types import defaults
+        >>> from haptic_sim.node_parameters import NODES
+        >>> gains = {"coupling.stiffness": 2000.0, "coupling.damping": 2.0, "servo.rate": 4000.0}
+        >>> values = defaults(NODES["haptic_driver"]) | gains
+        >>> plane = margins(settings_from(load_device("desktop"), values)[0], 0.0)[1]
+        >>> round(plane, 9)  # b - KT/2 - B
+        0.75
     """
     left = [np.diag(settings["hardware"]["damping"]) - need for need in _needs(settings, lateness)]
     axes = int(settings["axes"])
@@ -119,7 +138,23 @@ def cross(settings):
 
 
 def refusal(settings, lateness=0.0):
-    """The sentence that refuses gains which the device's damping does not cover; "" if it covers them."""
+    """Why the driver refuses these gains, in one sentence; "" where the device's damping covers them.
+
+    Args:
+        settings: one record of `settings_from`.
+        lateness: how late forces act, as in `margins` [s].
+
+    Examples:
+        >>> from haptic_device.controller_config import settings_from
+        >>> from haptic_device.description import load_device
+        >>> from haptic_device.gain_check import refusal
+        >>> from haptic_device.parameter_types import defaults
+        >>> from haptic_sim.node_parameters import NODES
+        >>> values = defaults(NODES["haptic_driver"]) | {"coupling.stiffness": 20000.0, "coupling.damping": 2.0}
+        >>> print(refusal(settings_from(load_device("desktop"), values)[0]))
+        coupling.stiffness 20000 N/m with coupling.damping 2 N s/m needs b > 4.5 N s/m at T = 0.25 ms;
+        the device has 3: allowed under 8000 N/m
+    """
     return next(refusals(settings, lateness), "")
 
 

@@ -13,11 +13,23 @@ PLACES = {"device": "devices", "scene": "scenes"}
 
 
 def read_operating_point(path, nodes: Mapping[str, tuple[Parameter, ...]], namespace: str = "/haptic"):
-    """What the ROS 2 parameter file at path gives each of the nodes when they run in namespace.
+    """What a ROS 2 parameter file gives each node that runs in a namespace: {node: {name: value}}.
 
-    Returns {node: {name: value}} with the values written in the file only; later sections win, as in ROS 2. Paths
-    (PLACES) are relative to the file's folder and come back absolute. Raises ValueError with the first sentence of
-    operating_point_problems or file_problems, and ConfigError if the file cannot be read.
+    Only values that the file has come back; later sections win, as in ROS 2. Names of files (PLACES) are relative to
+    the folder of the file and come back absolute. Raises ConfigError if the file cannot be read, and ValueError with
+    the first thing that is wrong in it.
+
+    Args:
+        path: the file.
+        nodes: the parameters of each node, such as `haptic_sim.node_parameters.NODES`.
+        namespace: of the nodes.
+
+    Examples:
+        >>> from haptic_device.config_files import find
+        >>> from haptic_device.parameter_files import read_operating_point
+        >>> from haptic_sim.node_parameters import NODES
+        >>> read_operating_point(find("", "demo"), NODES)["haptic_driver"]["coupling.stiffness"]  # [N/m]
+        2000.0
     """
     document = yaml_reader.load(path, ros=True)
     values, _ = right_values(document, nodes, namespace)

@@ -17,10 +17,23 @@ MOST = 1e9
 
 
 class Parameter(NamedTuple):
-    """What is declared of one parameter, read from its field; an array () without elements is one of numbers.
+    """What a node declares of one parameter.
 
-    low and high are inclusive and in unit; for arrays they hold for each element. A parameter that is not live is fixed
-    once the node has started. choices, where given, are the only texts allowed.
+    Attributes:
+        name: full name, such as `coupling.stiffness`.
+        default: value where nothing is given; an empty tuple is an empty list of numbers.
+        unit: SI unit of the value and its limits, "" for none.
+        meaning: what it is, in words.
+        low: least value that is allowed; of each element of a list.
+        high: largest value that is allowed; of each element of a list.
+        live: whether it may change while the node runs; else it is fixed once the node has started.
+        choices: the only texts that are allowed, where there are such.
+
+    Examples:
+        >>> from haptic_sim.node_parameters import NODES
+        >>> stiffness = next(one for one in NODES["haptic_driver"] if one.name == "coupling.stiffness")
+        >>> stiffness.default, stiffness.unit, stiffness.low, stiffness.high, stiffness.live
+        (1000.0, 'N/m', 0.0, 100000.0, True)
     """
 
     name: str
@@ -78,12 +91,40 @@ def limits_of(watched: Iterable[Watched]) -> tuple[Parameter, ...]:
 
 
 def defaults(parameters: Iterable[Parameter]) -> dict[str, Any]:
-    """{name: default} of what is declared."""
+    """The default of each parameter, {name: value}.
+
+    Args:
+        parameters: such as those of one node in `haptic_sim.node_parameters.NODES`.
+
+    Examples:
+        >>> from haptic_device.parameter_types import defaults
+        >>> from haptic_sim.node_parameters import NODES
+        >>> defaults(NODES["haptic_driver"])["servo.rate"]  # [Hz]
+        4000.0
+    """
     return {parameter.name: parameter.default for parameter in parameters}
 
 
 def check_value(parameter: Parameter, value):
-    """The value, arrays as tuple, if type, finiteness, range and choice are right; else ValueError, one sentence."""
+    """The value that a parameter takes: lists come back as tuples.
+
+    Raises ValueError with one sentence if the type, the range or the choice is wrong, or a number is not finite.
+
+    Args:
+        parameter: what is declared.
+        value: what is given, as YAML has it.
+
+    Examples:
+        >>> from haptic_device.parameter_types import check_value
+        >>> from haptic_sim.node_parameters import NODES
+        >>> stiffness = next(one for one in NODES["haptic_driver"] if one.name == "coupling.stiffness")
+        >>> check_value(stiffness, 500.0)
+        500.0
+        >>> check_value(stiffness, -1.0)
+        Traceback (most recent call last):
+            ...
+        ValueError: coupling.stiffness is -1.0 N/m; at least 0.0 N/m is needed
+    """
     if not isinstance(parameter.default, tuple):
         return _check_scalar(parameter, parameter.name, type(parameter.default), value)
     if not isinstance(value, list | tuple | array.array):

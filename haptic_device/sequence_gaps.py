@@ -11,7 +11,19 @@ SHARED = ("/diagnostics", "/parameter_events", "/mark", "/tf", "/tf_static")  # 
 
 @dataclass
 class SequenceGaps:
-    """Of one topic: the last number (0: none yet), how many were skipped, how often they did not go on."""
+    """Gaps in the numbers that the publisher of one topic gives its messages.
+
+    Attributes:
+        last: the last number; 0 for none yet.
+        lost: how many numbers were skipped.
+        back: how often a number was not above the one before.
+
+    Examples:
+        >>> import numpy as np
+        >>> from haptic_device.sequence_gaps import counted
+        >>> counted(np.array([1, 2, 5, 6]))  # 3 and 4 are missing
+        SequenceGaps(last=6, lost=2, back=0)
+    """
 
     last: int = 0
     lost: int = 0

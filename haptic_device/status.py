@@ -10,7 +10,21 @@ LEVELS = ("OK", "WARN", "ERROR", "STALE")
 
 
 class Status(NamedTuple):
-    """One diagnostic status: time in ns of the system clock, level as in LEVELS; its device."""
+    """One diagnostic status of a node.
+
+    Attributes:
+        time: when it was received, of the system clock [ns].
+        level: place in LEVELS: OK, WARN, ERROR, STALE.
+        message: its sentence.
+        values: its entries, {name: text}.
+        hardware: the device that it is of.
+
+    Examples:
+        >>> from haptic_device.recording import load
+        >>> status = load("run/bag").statuses("haptic_driver")[-1]
+        >>> status.level, status.values["physical_damping"]  # b of x, y, theta
+        (0, '3, 3, 0.004')
+    """
 
     time: int
     level: int

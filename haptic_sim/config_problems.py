@@ -31,9 +31,19 @@ def _unknown(driver: dict[str, Any]) -> None:
 
 
 def problems(path: Path, measure: Measure = _unknown) -> list[str]:
-    """Sentences for what is wrong in the file; which kind of file it is shows in its top-level keys.
+    """Everything that is wrong in a YAML file, one sentence each; the list is empty where all is well.
 
-    measure: of the machine that the gains are to run on; a gain that is too stiff is told what it may be there, too.
+    Args:
+        path: an operating point, a device description or a scene; the top-level keys tell which.
+        measure: how late the writes of this machine are, for gains that are too stiff; nothing is measured by default.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from haptic_sim.config_problems import problems
+        >>> file = Path("stiff.yaml")
+        >>> _ = file.write_text("/**/haptic_driver: {ros__parameters: {coupling: {stiffness: -5.0}}}")
+        >>> problems(file)
+        ['/**/haptic_driver: coupling.stiffness is -5.0 N/m; at least 0.0 N/m is needed']
     """
     try:
         document = yaml_reader.load(path)
@@ -64,8 +74,21 @@ def _unfit(scene, method=AUTO) -> list[str]:
 
 
 def remark(path: Path, measure: Measure = _unknown) -> str:
-    """Sentence on what a right scene, or that of a right operating point, wishes for and will not get, or on gains that
-    are passive on time and not at the lateness of this machine; or ""."""
+    """What a file without `problems` asks for and will not get, in one sentence, or "".
+
+    Of a scene: its method has a larger error than the scene asks for. Of an operating point: its gains are passive on
+    time, and not with writes that are as late as on this machine.
+
+    Args:
+        path: as in `problems`.
+        measure: as in `problems`.
+
+    Examples:
+        >>> from haptic_device.config_files import find
+        >>> from haptic_sim.config_problems import remark
+        >>> remark(find("scenes", "wall"))
+        ''
+    """
     document = yaml_reader.load(path)
     if not _has_section(document):
         return "" if "axes" in document else unkept_wish(path)

@@ -10,7 +10,18 @@ from typing import NamedTuple
 
 
 class Entry(NamedTuple):
-    """Where a method's class is, module:name; what of haptic_sim/kernels.py it needs; whether scenes may ask for it."""
+    """What is known about a method before it is imported.
+
+    Attributes:
+        where: place of its class, `module:name`.
+        kernels: entries of haptic_sim/kernels.py that it needs.
+        offered: whether scenes may ask for it.
+
+    Examples:
+        >>> from haptic_sim.method_registry import METHODS
+        >>> METHODS["impulse"].where
+        'haptic_sim.pymunk_world.world:PymunkWorld'
+    """
 
     where: str
     kernels: tuple[str, ...] = ()
@@ -30,14 +41,36 @@ AUTO = "auto"
 
 
 def offered() -> tuple[str, ...]:
-    """Names that a scene or a parameter may ask for."""
+    """Names of the methods that a scene or a parameter may ask for.
+
+    Examples:
+        >>> from haptic_sim.method_registry import offered
+        >>> offered()
+        ('impulse', 'penalty_explicit', 'penalty_implicit', 'partitioned', 'closed_form')
+    """
     return tuple(name for name, entry in METHODS.items() if entry.offered)
 
 
 def make(name: str, scene, sub_step: float):
-    """The `World` called `name` on a reduced scene, stepped by `sub_step` [s].
+    """The method of this name on a scene, as a `World`.
 
-    ValueError if there is none of that name, or it cannot model the scene.
+    Raises ValueError if there is none of that name, or it cannot model the scene.
+
+    Args:
+        name: of the method, in METHODS.
+        scene: a ReducedScene.
+        sub_step: [s].
+
+    Examples:
+        >>> from haptic_sim.method_registry import make
+        >>> from haptic_sim.reduction import reduce_scene
+        >>> from haptic_sim.scene.language import load
+        >>> make("partitioned", reduce_scene(load("pendulum")), 0.0005).passive
+        True
+        >>> make("euler", reduce_scene(load("pendulum")), 0.0005)
+        Traceback (most recent call last):
+            ...
+        ValueError: method is 'euler'; it must be one of impulse, penalty_explicit, ...
     """
     if name not in METHODS:
         raise ValueError(f"method is {name!r}; it must be one of {', '.join(METHODS)}")

@@ -16,7 +16,21 @@ STILL: Planar = (0.0, 0.0, 0.0)
 
 
 class Coupling(NamedTuple):
-    """Gains of the virtual coupling: N/m, N s/m, N m/rad, N m s/rad."""
+    """Gains of the virtual coupling.
+
+    Attributes:
+        stiffness: K in x and y [N/m].
+        damping: B in x and y [N s/m].
+        rotational_stiffness: K about theta [N m/rad].
+        rotational_damping: B about theta [N m s/rad].
+
+    Examples:
+        >>> from haptic_sim.protocol import Coupling
+        >>> Coupling(-1.0).checked()
+        Traceback (most recent call last):
+            ...
+        ValueError: coupling stiffness is -1.0; it must be finite and at least 0
+    """
 
     stiffness: float = 0.0
     damping: float = 0.0
@@ -32,10 +46,26 @@ class Coupling(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """One pair of shapes that pressed on each other in the last sub-step; body a is the tool, or earlier in the scene.
+    """One pair of shapes that pressed on each other in the last sub-step.
 
-    `point` [m] lies midway between the touching points, `normal` points from body a to body b, `force_on_a` [N] is the
-    mean over the sub-step, `depth` [m] the deepest overlap at its start.
+    Attributes:
+        body_a: the tool, or the body that stands earlier in the scene.
+        body_b: the other one.
+        point: midway between the touching points [m, m].
+        normal: unit vector from body a to body b.
+        force_on_a: mean force on body a over the sub-step [N, N]; body b gets the opposite.
+        depth: deepest overlap at the start of the sub-step [m].
+
+    Examples:
+        >>> from haptic_sim.method_registry import make
+        >>> from haptic_sim.protocol import Coupling, held
+        >>> from haptic_sim.reduction import reduce_scene
+        >>> from haptic_sim.scene.language import load
+        >>> world = make("closed_form", reduce_scene(load("wall")), 0.001)
+        >>> world.couple(Coupling(1000.0, 1.0, 1.0, 0.001))
+        >>> _ = world.step(held((0.005, 0.0, 0.0)), 3000)
+        >>> [(one.body_a, one.body_b, round(one.force_on_a[0], 6)) for one in world.contacts()]
+        [('tool', 'wall', 5.0)]
     """
 
     body_a: str
@@ -47,24 +77,33 @@ class Contact(NamedTuple):
 
 
 class StepResult(NamedTuple):
-    """What happened over several sub-steps."""
+    """What happened over several sub-steps.
+
+    Attributes:
+        supplied: energy that the coupling supplied to the tool [J].
+        touched: whether a contact pushed the tool.
+        force: largest mean force of one pair of shapes over a sub-step [N].
+        depth: deepest overlap [m].
+        left_out: contacts that were too many to be solved for.
+        contacts: energy that impacts, friction and stops have taken, less what motors and belts gave [J].
+        correction: energy that putting constraints right has put in [J]. This and `contacts` are 0 where a method
+            cannot tell.
+        numerical: what the sub-steps' own damping has lost [J], where contacts cannot be told from the rest; else None.
+
+    Examples:
+        >>> from haptic_sim.protocol import StepResult
+        >>> StepResult(supplied=0.1, force=2.0).then(StepResult(supplied=0.2, force=1.0)).force
+        2.0
+    """
 
     supplied: float = 0.0
-    """Energy that the coupling supplied to the tool [J]."""
     touched: bool = False
-    """Whether a contact pushed the tool."""
     force: float = 0.0
-    """Largest mean force of one pair of shapes over a sub-step [N]."""
     depth: float = 0.0
-    """Deepest overlap [m]."""
     left_out: int = 0
-    """Contacts that were too many to be solved for."""
     contacts: float = 0.0
-    """Energy that impacts, friction and stops have taken, less what motors and belts gave [J]."""
     correction: float = 0.0
-    """Energy that putting constraints right has put in [J]; this and `contacts` are 0 where a method cannot tell."""
     numerical: float | None = None
-    """Where contacts cannot be told from the rest: what the sub-steps' own damping has lost [J]; the rest is theirs."""
 
     def then(self, later: "StepResult") -> "StepResult":
         """This and what happened after it."""
@@ -82,31 +121,48 @@ class StepResult(NamedTuple):
 
 
 class World(Protocol):
-    """A scene with a tool in it, advanced sub-step by sub-step, the coupling solved within. One thread may use it."""
+    """What every simulation method is: a scene with a tool in it, advanced sub-step by sub-step with the coupling.
+
+    A method is a class with these members, made of a ReducedScene and a sub-step [s]. One thread may use it.
+
+    Attributes:
+        scene: the scene.
+        sub_step: [s].
+        passive: whether it is discrete-time passive at the tool's port. Then Σ force_on_tool · Δx is never less than
+            the energy that the world has gained, whatever the handle does. Beyond that are only the work of motors and
+            belts, and rounding: contact force times the 1e-12 m that count as touching.
+        inner: equal steps that it takes within a sub-step.
+        position: of the tool's grip at the end of the sub-step [m, m, rad].
+        velocity: of the tool [m/s, m/s, rad/s].
+        force_on_tool: mean force of the coupling on the tool over the sub-step [N, N, N m].
+        touching: whether a contact pushed the tool during the sub-step.
+
+    Examples:
+        >>> from haptic_sim.method_registry import make
+        >>> from haptic_sim.protocol import Coupling, held
+        >>> from haptic_sim.reduction import reduce_scene
+        >>> from haptic_sim.scene.language import load
+        >>> world = make("closed_form", reduce_scene(load("wall")), 0.001)  # a wall at x = 0, a tool of radius 10 mm
+        >>> world.couple(Coupling(1000.0, 1.0, 1.0, 0.001))
+        >>> _ = world.step(held((0.005, 0.0, 0.0)), 3000)
+        >>> print(f"{world.position[0]:.6f} m, {world.force_on_tool[0]:.6f} N")  # K (x_handle - x_tool)
+        0.010000 m, -5.000000 N
+    """
 
     scene: Scene
     sub_step: float
-    """s"""
     passive: bool
-    """Whether it is discrete-time passive at the tool's port: Σ force_on_tool · Δx is never less than the world has
-    gained, whatever the handle does, beyond what its motors and belts work and rounding: contact force times the
-    1e-12 m that count as touching."""
     inner: int
-    """Equal steps that it takes within a sub-step."""
     position: Planar
-    """Tool's grip at the end of the sub-step [m, m, rad]."""
     velocity: Planar
-    """Tool's velocity at the end of the sub-step [m/s, m/s, rad/s]."""
     force_on_tool: Planar
-    """What the coupling applied to the tool over the sub-step, its mean [N, N, N m]."""
     touching: bool
-    """Whether a contact pushed the tool during the sub-step."""
 
     def reset(self) -> None:
         """Everything back to the scene's start, with the same gains."""
 
     def couple(self, coupling: Coupling) -> None:
-        """Take these gains from the next sub-step on; ValueError if one is negative or not finite."""
+        """Takes these gains from the next sub-step on. Raises ValueError if one is negative or not finite."""
 
     def step(self, target: np.ndarray, n: int) -> StepResult:
         """Advance `n` sub-steps from each row of the handle's way to the next.
@@ -128,10 +184,29 @@ class World(Protocol):
 
 
 def along(*rows: tuple[Planar, Planar]) -> np.ndarray:
-    """Target of a handle that has these positions and velocities in turn."""
+    """Target of a handle that has these positions and velocities in turn: an array (rows, 6).
+
+    Args:
+        rows: a position [m, m, rad] and a velocity [m/s, m/s, rad/s] each.
+
+    Examples:
+        >>> from haptic_sim.protocol import STILL, along
+        >>> along(((0.0, 0.0, 0.0), STILL), ((0.001, 0.0, 0.0), STILL)).shape
+        (2, 6)
+    """
     return np.array([(*position, *velocity) for position, velocity in rows], float)
 
 
 def held(position: Planar, velocity: Planar = STILL) -> np.ndarray:
-    """Target of a handle that is kept at a position and velocity."""
+    """Target of a handle that is kept at a position [m, m, rad] and velocity: an array (2, 6).
+
+    Args:
+        position: of the handle [m, m, rad].
+        velocity: of the handle [m/s, m/s, rad/s].
+
+    Examples:
+        >>> from haptic_sim.protocol import held
+        >>> print(held((0.01, 0.0, 0.0))[:, 0])
+        [0.01 0.01]
+    """
     return along((position, velocity), (position, velocity))

@@ -42,7 +42,24 @@ class LedWorld(Protocol):
 
 
 class Exchanged:
-    """A simulation as such a world: a handle sample for each row of a path, EXCHANGE_NS apart, `start` the first."""
+    """A simulation as a world that `rollout` can lead: a handle sample for each row of a path, 1 ms apart.
+
+    Args:
+        simulation: what answers.
+        start: first row of the path, (6).
+        gains: of the coupling.
+
+    Examples:
+        >>> from haptic_sim.exchange.simulation import Simulation
+        >>> from haptic_sim.protocol import held
+        >>> from haptic_sim.reduction import reduce_scene
+        >>> from haptic_sim.rollout import Exchanged, rollout
+        >>> from haptic_sim.scene.language import load
+        >>> path = held((0.03, 0.0, 0.0)).repeat(50, axis=0)
+        >>> world = Exchanged(Simulation(reduce_scene(load("wall"))), path[0])
+        >>> rollout(world, path).finite
+        True
+    """
 
     def __init__(self, simulation: Simulation, start, gains: Coupling = GAINS):
         self.simulation, self._gains, self._time = simulation, gains, -EXCHANGE_NS
@@ -50,7 +67,7 @@ class Exchanged:
         self._exchange(np.asarray(start, float).tolist())
 
     def step(self, target, n=1):
-        """An exchange for each row of the path but its first; `n` is the simulation's own."""
+        """An exchange for each row of the path `target` (m, 6) but its first; `n` is the simulation's own."""
         before = self.simulation.ledger.supplied
         for row in target[1:].tolist():
             self._exchange(row)
@@ -66,18 +83,33 @@ class Exchanged:
 
 
 class Rollout(NamedTuple):
-    """What came of it. `scale` [J] is the largest energy about: kinetic, potential or in the coupling's spring."""
+    """Result of leading a world along a path.
+
+    Attributes:
+        finite: whether all energies and the tool stayed within 1e3 J, m or rad. A run ends where they do not.
+        poses: {body: (n, 3)} poses [m, m, rad] at the start and at each look.
+        spent: processor time of each stride [s], (strides).
+        overlap: deepest overlap at the looks [m].
+        created: energy created [J]: the largest fall of what has been dissipated.
+        scale: largest energy that occurred [J]: kinetic, potential or in the coupling's spring.
+
+    Examples:
+        >>> from haptic_sim.method_registry import make
+        >>> from haptic_sim.protocol import held
+        >>> from haptic_sim.reduction import reduce_scene
+        >>> from haptic_sim.rollout import rollout
+        >>> from haptic_sim.scene.language import load
+        >>> path = held((0.03, 0.0, 0.0)).repeat(50, axis=0)
+        >>> found = rollout(make("impulse", reduce_scene(load("wall")), 0.001), path, bodies=["tool"])
+        >>> found.poses["tool"].shape, found.spent.shape
+        ((100, 3), (99,))
+    """
 
     finite: bool
-    """Whether no energy and no tool went beyond FAR, where energies are booked; it ends there."""
     poses: dict[str, np.ndarray]
-    """Body → poses (n, 3) at the start and at the looks."""
     spent: np.ndarray
-    """Processor time [s] of each stride."""
     overlap: float
-    """Deepest at the looks [m]."""
     created: float
-    """Energy [J]."""
     scale: float
 
 
@@ -92,11 +124,32 @@ def rollout(
     gains: Coupling | None = None,
     limit: float = math.inf,
 ) -> Rollout:
-    """Lead a world along the hand's path (n, 6: position, velocity), `count` steps a row, `stride` rows a call.
+    """Leads a world along the hand's path. The result is a Rollout.
 
-    Every `look` rows, a multiple of `stride` (each stride), poses of bodies and the overlap, () → m, are taken. With
-    the coupling's gains energies are booked after each stride; without them the world is not asked, and its time is its
-    own. It ends early beyond FAR, and after `limit` [s] of processor time.
+    Args:
+        world: what is led.
+        path: (n, 6), position [m, m, rad] and velocity of the handle in each row.
+        count: sub-steps from a row to the next.
+        stride: rows in a call of the world.
+        look: rows between two looks, a multiple of stride.
+        bodies: names whose poses are kept.
+        overlap: () → depth [m], asked at each look.
+        gains: of the coupling, with which energy is booked.
+        limit: processor time [s] after which it ends early.
+
+    Examples:
+        >>> import numpy as np
+        >>> from haptic_sim.method_registry import make
+        >>> from haptic_sim.reduction import reduce_scene
+        >>> from haptic_sim.rollout import GAINS, hand, overlap_watch, rollout, way
+        >>> from haptic_sim.scene.language import load
+        >>> scene = load("wall")
+        >>> world = make("closed_form", reduce_scene(scene), 0.001)
+        >>> world.couple(GAINS)
+        >>> path = way(hand(scene), np.arange(0.0, 2.0, 0.001))
+        >>> found = rollout(world, path, bodies=["tool"], overlap=overlap_watch(scene, world.pose), gains=GAINS)
+        >>> found.finite, found.created, found.overlap
+        (True, 0.0, 0.0)
     """
     seen, spent, total, deepest = {name: [world.pose(name)] for name in bodies}, [], 0.0, 0.0
     books = Books(world, gains) if gains else None
@@ -147,7 +200,18 @@ def stretch(gains: Coupling, handle, tool) -> float:
 
 
 def hand(scene: Scene, angle: float = 0.0):
-    """time [s] → where the suggested motion leads the handle (x, y, theta), the plane turned by `angle` [rad]."""
+    """The suggested motion of a scene: a function of time [s] that gives the handle's place (x, y, theta) [m, m, rad].
+
+    Args:
+        scene: the scene.
+        angle: turns the plane, counter-clockwise [rad].
+
+    Examples:
+        >>> from haptic_sim.rollout import hand
+        >>> from haptic_sim.scene.language import load
+        >>> hand(load("wall"))(0.0)
+        (0.03, 0.0, 0.0)
+    """
     values = defaults(OPERATOR)
     values |= {"motion.start": scene.tool.pose, "motion.target": scene.tool.pose}
     motion = operator_hand.script(values | {f"motion.{key}": value for key, value in scene.motion.items()})
@@ -161,13 +225,40 @@ def hand(scene: Scene, angle: float = 0.0):
 
 
 def way(lead: Callable, times: np.ndarray) -> np.ndarray:
-    """Path (n, 6) of a hand that is at `lead(time)` at these times [s], evenly spaced, its rates by differences."""
+    """Path (n, 6) of a hand: its places at these times, and the rates by differences.
+
+    Args:
+        lead: time [s] → (x, y, theta).
+        times: evenly spaced [s], (n).
+
+    Examples:
+        >>> import numpy as np
+        >>> from haptic_sim.rollout import way
+        >>> print(way(lambda time: (0.1 * time, 0.0, 0.0), np.array([0.0, 0.5, 1.0]))[:, [0, 3]])  # x, rate of x
+        [[0.   0.1 ]
+         [0.05 0.1 ]
+         [0.1  0.1 ]]
+    """
     places = np.array([lead(time) for time in times.tolist()])
     return np.hstack([places, np.gradient(places, times[1] - times[0], axis=0)])
 
 
 def overlap_watch(scene: Scene, pose):
-    """() → deepest overlap [m] of all bodies that can touch, where `pose` (body → pose) says that they are."""
+    """A function () → deepest overlap [m] of all bodies of a scene that can touch.
+
+    It is measured with the shapes and poses, and not taken from what the world says.
+
+    Args:
+        scene: the scene.
+        pose: body → (x, y, theta), such as the `pose` of a world.
+
+    Examples:
+        >>> from haptic_sim.rollout import overlap_watch
+        >>> from haptic_sim.scene.language import load
+        >>> deep = {"tool": (0.009, 0.0, 0.0), "wall": (0.0, 0.0, 0.0)}  # a tool of radius 10 mm, a wall at x = 0
+        >>> round(overlap_watch(load("wall"), deep.get)(), 9)  # [m]
+        0.001
+    """
     solids = {body.name: body for body in scene.bodies} | {TOOL: scene.tool}
     outlines = {name: solid.outlines for name, solid in solids.items()}
     rank = {name: k for k, name in enumerate(solids)}

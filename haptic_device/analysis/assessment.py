@@ -29,7 +29,25 @@ LIMITS = {
 
 
 class Display(NamedTuple):
-    """A device and the wall or coupling it shows; SI units, delay in periods."""
+    """A device and the wall or coupling that it shows.
+
+    Attributes:
+        stiffness: K of the wall or coupling [N/m].
+        damping: B of the wall or coupling, of either sign [N s/m].
+        physical_damping: b of the device [N s/m].
+        period: T of the servo [s].
+        mass: moving mass m of the device [kg].
+        delay_samples: delay of the loop in periods.
+        velocity_lag: time constant τ of the filter on the velocity [s].
+        resolution: step of the encoder [m].
+        coulomb: Coulomb friction of the device [N].
+
+    Examples:
+        >>> from haptic_device.analysis.assessment import Display
+        >>> display = Display(stiffness=1000.0, damping=0.1, physical_damping=1.0, period=0.001)
+        >>> display.delay_samples, display._replace(stiffness=500.0).stiffness
+        (0.0, 500.0)
+    """
 
     stiffness: float
     damping: float
@@ -43,26 +61,42 @@ class Display(NamedTuple):
 
 
 class Assessment(NamedTuple):
-    """What `assess` finds. Margins are positive on the safe side; infinite needs mean that no damping is enough."""
+    """What `assess` finds. Margins are positive on the safe side; an infinite need means that no damping is enough.
+
+    Attributes:
+        passive: whether b is beyond what the wall needs and friction covers the encoder step, for any operator.
+        stable: whether the display is stable when nobody holds it.
+        margin: physical damping beyond what the wall needs [N s/m].
+        b_required: physical damping that the wall needs [N s/m].
+        binding_hz: frequency at which the wall's condition binds [Hz].
+        coulomb_required: Coulomb friction that covers the encoder step [N].
+        mu_passive: whether b is enough for a coupling with these gains to any passive simulation in step.
+        mu_margin: margin of the μ test, see `mu_margin`.
+        b_required_mu: physical damping for such a coupling [N s/m], as the driver asks for it. A velocity lag is not
+            credited.
+        stiffness_max_passive: largest stiffness of a passive wall [N/m].
+        stiffness_max_stable: largest stiffness that is stable when nobody holds the device [N/m].
+        stiffness_max_mu: largest stiffness of such a coupling [N/m]; friction is not asked here.
+
+    Examples:
+        >>> from haptic_device.analysis.assessment import Display, assess
+        >>> found = assess(Display(stiffness=1000.0, damping=0.1, physical_damping=1.0, period=0.001))
+        >>> found.passive, round(found.margin, 9), round(found.stiffness_max_passive, 6)
+        (True, 0.4, 1800.0)
+    """
 
     passive: bool
     stable: bool
     margin: float
-    """Physical damping beyond what the wall needs [N s/m]."""
     b_required: float
     binding_hz: float
-    """Frequency at which the wall's condition binds [Hz]."""
     coulomb_required: float
-    """Coulomb friction that covers the encoder step [N]."""
     mu_passive: bool
     mu_margin: float
     b_required_mu: float
-    """Physical damping for any passive simulation in step behind a coupling with these gains [N s/m], as the driver
-    asks for it: a velocity lag is not credited."""
     stiffness_max_passive: float
     stiffness_max_stable: float
     stiffness_max_mu: float
-    """Largest stiffness of a coupling to any passive simulation in step; friction is not asked here [N/m]."""
 
 
 def check_display(display: Display) -> None:
@@ -75,9 +109,18 @@ def check_display(display: Display) -> None:
 
 
 def assess(display: Display) -> Assessment:
-    """The Assessment on a display. Passive: b beyond what the wall needs, and friction that covers the encoder step.
+    """Whether a display is passive and stable, with which margin, and up to which stiffness.
 
-    Stable is meant without an operator. Refuses b ≤ 0, T ≤ 0, m ≤ 0, K < 0 and anything that is not finite.
+    Raises ValueError if b, T or m is not above 0, K is below 0, or a value is not finite or beyond LIMITS.
+
+    Args:
+        display: the device and its wall or coupling.
+
+    Examples:
+        >>> from haptic_device.analysis.assessment import Display, assess
+        >>> found = assess(Display(stiffness=3000.0, damping=0.0, physical_damping=1.0, period=0.001))
+        >>> found.passive, round(found.b_required, 9)  # KT/2
+        (False, 1.5)
     """
     check_display(display)
     stiffness, damping, physical_damping, period, mass, delay, lag, resolution, coulomb = display
@@ -104,11 +147,23 @@ def assess(display: Display) -> Assessment:
 def coulomb_friction_needed(
     stiffness: Quantity, damping: Quantity, period: Quantity, resolution: Quantity, velocity_lag: Quantity = 0.0
 ) -> Quantity:
-    """Coulomb friction f_c that covers the encoder step Δ: half of Δ Σ|h_k|, h the impulse response of H [N].
+    """Coulomb friction f_c [N] that covers the encoder step Δ: half of Δ Σ|h_k|, with h the impulse response of H.
 
-    Each sample is off by at most Δ/2, so the force is off by at most that, and friction f_c takes at least as much from
-    every displacement; b must satisfy its own condition beside it. For B ≥ 0 and no lag: (K + 2B/T) Δ ≤ 2 f_c
-    (Abbott & Okamura 2005 for B = 0).
+    The arguments broadcast. Each sample is off by at most Δ/2, so the force is off by at most that, and f_c takes at
+    least as much from every displacement. The condition on b stands beside it. For B ≥ 0 and no lag it is (K + 2B/T)
+    Δ/2 (Abbott & Okamura 2005 for B = 0). Raises ValueError if the resolution is below 0.
+
+    Args:
+        stiffness: K [N/m].
+        damping: B [N s/m].
+        period: T [s].
+        resolution: Δ [m].
+        velocity_lag: τ [s].
+
+    Examples:
+        >>> from haptic_device.analysis.assessment import coulomb_friction_needed
+        >>> print(round(coulomb_friction_needed(1000.0, 0.0, 0.001, 1e-5), 9))  # K Δ/2
+        0.005
     """
     not_negative("resolution", resolution, "m")
     viscous = np.asarray(damping) / (period + velocity_lag)
@@ -116,7 +171,19 @@ def coulomb_friction_needed(
 
 
 def advise(display: Display, assessment: Assessment) -> str:
-    """One sentence: what holds, and what to change if it does not."""
+    """One sentence: what holds, and what to change if it does not.
+
+    Args:
+        display: the device and its wall or coupling.
+        assessment: of that display, from `assess`.
+
+    Examples:
+        >>> from haptic_device.analysis.assessment import Display, advise, assess
+        >>> display = Display(stiffness=3000.0, damping=0.0, physical_damping=1.0, period=0.001)
+        >>> print(advise(display, assess(display)))
+        Not passive: it needs b > 1.5 N s/m and the device has 1; supply that or lower the stiffness
+        below 2000 N/m; it is not even stable on its own.
+    """
     if not assessment.passive:
         lacks = "; ".join(_lacks(display, assessment))
         return f"Not passive: {lacks}; supply that or {_softer(assessment)}{_alone(assessment)}."

@@ -30,10 +30,22 @@ POLE = 1e12
 
 
 def least_damping_for_any_simulation(transfer: AnyTransfer, period: float, delay_samples: float = 0.0) -> LeastDamping:
-    """Least physical damping (LeastDamping) with any operator and any passive simulation; infinite if none is enough.
+    """Least physical damping with any operator and any passive simulation behind the coupling, as a LeastDamping.
 
-    `transfer` as in `least_damping`; delay_samples lie in the display's own loop, fractions allowed. Refuses a period
-    that is not positive.
+    Eq. 5 of Colgate, Stanley & Brown 1995 in closed form; see this module. Raises ValueError if the period is not above
+    0, or the delay is below 0.
+
+    Args:
+        transfer: H(z), as in `least_damping`.
+        period: T [s].
+        delay_samples: delay in the display's own loop, in periods, any number ≥ 0.
+
+    Examples:
+        >>> from haptic_device.analysis.coupling_damping import least_damping_for_any_simulation
+        >>> from haptic_device.analysis.transfer import wall_transfer
+        >>> spring = wall_transfer(1000.0, 0.0, 0.001)
+        >>> print(round(least_damping_for_any_simulation(spring, 0.001, 1.0).damping, 9))  # 2² KT/2
+        2.0
     """
     positive("period", period, "s")
     transfer = as_transfer(transfer)

@@ -50,7 +50,25 @@ def delayed_demand(transfer: Response, period: float, fraction: float, angle: Ar
 
 
 def least_damping_delayed(transfer: AnyTransfer, period: float, delay_samples: float) -> LeastDamping:
-    """Least physical damping with `delay_samples` of loop delay, any real number ≥ 0; exact, as `least_damping` is."""
+    """Least physical damping with any H(z) and a loop delay, as a LeastDamping.
+
+    The condition is as exact as that of `least_damping`. Raises ValueError if the period is not above 0, or the
+    delay is below 0.
+
+    Args:
+        transfer: H(z), as in `least_damping`.
+        period: T [s].
+        delay_samples: the delay in periods, any number ≥ 0.
+
+    Examples:
+        >>> from haptic_device.analysis.delay import least_damping_delayed
+        >>> from haptic_device.analysis.transfer import wall_transfer
+        >>> spring = wall_transfer(1000.0, 0.0, 0.001)
+        >>> print(round(least_damping_delayed(spring, 0.001, 1.0).damping, 9))  # KT (1/2 + 1)
+        1.5
+        >>> print(round(least_damping_delayed(spring, 0.001, 0.5).damping, 9))  # KT/2 (1 + sqrt(5/4))
+        1.059016994
+    """
     positive("period", period, "s")
     whole, fraction = split_delay(delay_samples)
     transfer = delayed(as_transfer(transfer), whole)
@@ -67,9 +85,22 @@ def wall_damping_needed(
     velocity_lag: Quantity = 0.0,
     delay_samples: Quantity = 0.0,
 ) -> LeastDamping:
-    """Least physical damping of a wall with a lagging velocity and any delay, whole or fractional [N s/m].
+    """Least physical damping of a wall with a lagging velocity and a delay, as a LeastDamping. All arguments broadcast.
 
-    Arguments broadcast.
+    Exact, as `least_damping_delayed` is. Raises ValueError for a value out of range.
+
+    Args:
+        stiffness: K [N/m].
+        damping: B [N s/m].
+        period: T [s].
+        velocity_lag: τ [s].
+        delay_samples: the delay in periods, any number ≥ 0.
+
+    Examples:
+        >>> from haptic_device.analysis.delay import wall_damping_needed
+        >>> needed = wall_damping_needed([500.0, 1000.0], 0.1, 0.001).damping
+        >>> print(needed.round(9))  # KT/2 + B
+        [0.35 0.6 ]
     """
     found = _wall_damping_needed(stiffness, damping, period, velocity_lag, delay_samples)
     return LeastDamping(*(one[()] for one in found))
@@ -86,11 +117,25 @@ def _wall_damping_needed(
 def largest_passive_stiffness(
     physical_damping: float, damping: float, period: float, velocity_lag: float = 0.0, delay_samples: float = 0.0
 ) -> float:
-    """Largest wall stiffness that a device with physical damping b still shows passively [N/m]; 0 if there is none.
+    """Largest stiffness K [N/m] of a wall that the device shows passively; 0 if there is none. All arguments broadcast.
 
-    Arguments broadcast. The damping needed is a supremum of forms linear in K, hence convex in K; and it is at least
-    KT/2, the mean of (1) over θ for every delay and lag. So the passive stiffnesses form one interval that ends at 2b/T
-    or below.
+    The damping that is needed is a supremum of forms linear in K, so it is convex in K. It is at least KT/2, which is
+    the mean of (1) over θ for every delay and lag. So the passive stiffnesses are one interval, which ends at 2b/T or
+    below. Raises ValueError for a value out of range.
+
+    Args:
+        physical_damping: b > 0 of the device [N s/m].
+        damping: B of the wall [N s/m].
+        period: T [s].
+        velocity_lag: τ [s].
+        delay_samples: the delay in periods, any number ≥ 0.
+
+    Examples:
+        >>> from haptic_device.analysis.delay import largest_passive_stiffness
+        >>> print(round(largest_passive_stiffness(1.0, 0.1, 0.001), 6))  # 2 (b - B)/T
+        1800.0
+        >>> print(largest_passive_stiffness([0.5, 1.0], 0.0, 0.001).round(6))
+        [1000. 2000.]
     """
     positive("physical_damping", physical_damping, "N s/m")
 

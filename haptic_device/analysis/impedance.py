@@ -31,14 +31,41 @@ HELD_WAY = 20e-6  # [m | rad] that the handle has to move in a window to tell so
 
 
 class Estimate(NamedTuple):
-    """A value and the half width of its 95 % confidence interval."""
+    """A value and how well it is known.
+
+    Attributes:
+        value: the value.
+        error: half width of its 95 % confidence interval, in the same unit.
+
+    Examples:
+        >>> from haptic_device.analysis.impedance import Estimate
+        >>> stiffness = Estimate(998.0, 5.0)
+        >>> abs(stiffness.value - 1000.0) < stiffness.error
+        True
+    """
 
     value: float
     error: float
 
 
 class Impedance(NamedTuple):
-    """Mass [kg | kg m²], damping [N s/m | N m s/rad], stiffness [N/m | N m/rad]; r² and samples of the fit."""
+    """Mass, damping and stiffness that a display shows, as `fit` finds them.
+
+    Attributes:
+        mass: [kg | kg m²].
+        damping: [N s/m | N m s/rad].
+        stiffness: [N/m | N m/rad].
+        explained: share of the force's variance that the law explains, r².
+        samples: samples of the fit.
+
+    Examples:
+        >>> import numpy as np
+        >>> from haptic_device.analysis.impedance import fit
+        >>> time = np.arange(0.0, 4.0, 0.001)
+        >>> found = fit(time, np.sin(time), np.cos(time), 500.0 * np.sin(time))
+        >>> round(found.explained, 6)  # a spring, and nothing else
+        1.0
+    """
 
     mass: Estimate
     damping: Estimate
@@ -50,9 +77,26 @@ class Impedance(NamedTuple):
 def fit(
     time: Array, position: Array, velocity: Array, force: Array, groups: npt.NDArray[np.int_] | None = None
 ) -> Impedance | None:
-    """Fits one axis; all (samples), times [s] increasing. groups: number of the contact of each sample, for its c.
+    """Fits f = m a + b v + k x + c to the force of one axis, by least squares.
 
-    None where there are too few samples, or the axis hardly moved. Samples that are not finite are left out.
+    Samples that are not finite are left out. None where there are too few samples, or the axis
+    hardly moved. Method: see this module.
+
+    Args:
+        time: rising [s], (samples).
+        position: of the handle [m | rad], (samples).
+        velocity: of the handle [m/s | rad/s], (samples).
+        force: that has to push against the display [N | N m], (samples).
+        groups: number of the contact of each sample, each with a constant c of its own.
+
+    Examples:
+        >>> import numpy as np
+        >>> from haptic_device.analysis.impedance import fit
+        >>> t = np.arange(0.0, 4.0, 0.001)
+        >>> x, v, a = np.sin(t) + np.sin(5 * t), np.cos(t) + 5 * np.cos(5 * t), -np.sin(t) - 25 * np.sin(5 * t)
+        >>> found = fit(t, x, v, 0.2 * a + 3.0 * v + 500.0 * x)
+        >>> round(found.mass.value, 4), round(found.damping.value, 4), round(found.stiffness.value, 3)
+        (0.2, 3.0, 500.0)
     """
     step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     if not step > 0.0:
@@ -71,7 +115,20 @@ def fit(
 
 
 def held_still(time: Array, tool: Array, position: Array) -> npt.NDArray[np.bool_]:
-    """Whether the tool, or a wall, stood still in this axis while the handle moved, looked at in short windows."""
+    """Whether the tool, or a wall, stood still in this axis while the handle moved, (samples), in windows of 50 ms.
+
+    Args:
+        time: rising [s], (samples).
+        tool: position of the tool [m | rad], (samples).
+        position: of the handle [m | rad], (samples).
+
+    Examples:
+        >>> import numpy as np
+        >>> from haptic_device.analysis.impedance import held_still
+        >>> time = np.arange(0.0, 1.0, 0.001)
+        >>> bool(held_still(time, np.zeros(1000), 0.01 * time).all())
+        True
+    """
     begins = np.flatnonzero(np.diff(np.floor(time / HELD_WINDOW), prepend=-1.0))
     ways = [np.maximum.reduceat(x, begins) - np.minimum.reduceat(x, begins) for x in (tool, position)]
     held = (ways[0] < HELD_SHARE * ways[1]) & (ways[1] > HELD_WAY)

@@ -22,11 +22,24 @@ from haptic_device.analysis.transfer import AnyTransfer, Response, Transfer
 
 
 def mu_margin(transfer: AnyTransfer, period: float, physical_damping: float, delay_samples: float = 0.0) -> Quantity:
-    """Smallest margin over 0 < ω ≤ π/T with b₀ = b: dimensionless, passive iff positive; −inf if D is not stable.
+    """Smallest margin of the μ test over all frequencies, without a unit; the display is passive if it is above 0.
 
-    `transfer` as in `least_damping`, a callable being taken to give a stable D; one that broadcasts parameters, period
-    and b with a trailing axis of length one gives an answer for each. delay_samples lie in the display's own loop,
-    fractions allowed. Refuses period ≤ 0 and b ≤ 0.
+    The μ test of Colgate, Stanley & Brown 1995, eqs. 4–5, with b₀ = b; see this module. −inf means that D is not
+    stable. A callable may broadcast parameters, and so may T and b, each with a last axis of length one. Raises
+    ValueError if T or b is not above 0.
+
+    Args:
+        transfer: as in `least_damping`; a callable is taken to give a stable D.
+        period: T [s].
+        physical_damping: b [N s/m].
+        delay_samples: delay in the display's own loop, in periods.
+
+    Examples:
+        >>> from haptic_device.analysis.mu import mu_margin
+        >>> from haptic_device.analysis.transfer import wall_transfer
+        >>> spring = wall_transfer(1000.0, 0.0, 0.001)  # needs b > KT/2 = 0.5 N s/m
+        >>> [bool(mu_margin(spring, 0.001, b) > 0.0) for b in (0.49, 0.51)]
+        [False, True]
     """
     positive("period", period, "s")
     positive("physical_damping", physical_damping, "N s/m")

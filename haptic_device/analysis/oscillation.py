@@ -21,7 +21,23 @@ _LINE = 2  # bins to either side that belong to a line (Hann window)
 
 
 class Oscillation(NamedTuple):
-    """The strongest line: frequency [Hz], RMS of the force [N] where it is strongest, when [s], how long [s]."""
+    """The strongest line of a force's spectrum.
+
+    Attributes:
+        frequency: [Hz].
+        force: RMS of the force where the line is strongest [N].
+        begin: when it begins [s].
+        seconds: how long it lasts [s].
+
+    Examples:
+        >>> import numpy as np
+        >>> from haptic_device.analysis.oscillation import spectrum_of
+        >>> time = np.arange(0.0, 2.0, 0.001)
+        >>> force = np.sin(2.0 * np.pi * 100.0 * time)[:, None]  # 100 Hz, amplitude 1 N
+        >>> found = spectrum_of(force, 1000.0).oscillation
+        >>> round(found.frequency), round(found.force, 2)  # RMS 1/√2 N
+        (100, 0.71)
+    """
 
     frequency: float
     force: float
@@ -30,7 +46,20 @@ class Oscillation(NamedTuple):
 
 
 class Spectrum(NamedTuple):
-    """Frequencies [Hz], power density [N²/Hz] over the whole time, and the oscillation, if there is one."""
+    """Spectrum of a force.
+
+    Attributes:
+        frequency: [Hz], (frequencies).
+        density: power density over the whole time [N²/Hz], (frequencies).
+        oscillation: the strongest line, or None.
+
+    Examples:
+        >>> import numpy as np
+        >>> from haptic_device.analysis.oscillation import spectrum_of
+        >>> found = spectrum_of(np.zeros((2000, 2)), 1000.0)
+        >>> found.frequency.shape == found.density.shape, found.oscillation
+        (True, None)
+    """
 
     frequency: npt.NDArray[np.floating]
     density: npt.NDArray[np.floating]
@@ -38,11 +67,22 @@ class Spectrum(NamedTuple):
 
 
 def spectrum_of(force: Array, rate: float, known: float = 0.0) -> Spectrum:
-    """Spectrum of a force (samples, axes) at this rate [Hz], all axes together.
+    """Spectrum of a force, all axes together.
 
-    known: frequency [Hz] whose multiples are no oscillation, such as the exchange's, which makes the force a stair.
-    Samples that are not finite count as 0. Raises ValueError if it is shorter than one window, has no axis, or if the
-    rate leaves no frequency above LOWEST.
+    Samples that are not finite count as 0. Raises ValueError if the force is shorter than one window, has no axis, or
+    has a rate that leaves no frequency above LOWEST.
+
+    Args:
+        force: [N], (samples, axes).
+        rate: samples a second [Hz].
+        known: frequency [Hz] whose multiples are no oscillation, such as that of the exchange.
+
+    Examples:
+        >>> import numpy as np
+        >>> from haptic_device.analysis.oscillation import spectrum_of
+        >>> time = np.arange(0.0, 2.0, 0.001)
+        >>> print(spectrum_of(np.sin(time)[:, None], 1000.0).oscillation)  # the motion of a hand is none
+        None
     """
     within("rate", rate, SLOWEST, np.inf, "Hz")
     if np.ndim(force) != 2 or not np.size(force, 1):

@@ -21,25 +21,63 @@ from haptic_device.analysis.transfer import AnyTransfer, Response, Transfer, val
 
 
 class LeastDamping(NamedTuple):
-    """The physical damping b that must be exceeded [N s/m] and the frequency at which it binds [rad/s]."""
+    """What a passivity condition asks of the device.
+
+    Attributes:
+        damping: physical damping b that must be exceeded [N s/m]; infinite where none is enough.
+        frequency: angular frequency at which the condition binds [rad/s].
+
+    Examples:
+        >>> from haptic_device.analysis.passivity import least_damping
+        >>> from haptic_device.analysis.transfer import wall_transfer
+        >>> need = least_damping(wall_transfer(1000.0, 0.1, 0.001), 0.001)
+        >>> print(f"b > {need.damping:.3f} N s/m, at {need.frequency * 0.001:.3f} rad a sample")
+        b > 0.600 N s/m, at 3.142 rad a sample
+    """
 
     damping: Quantity
     frequency: Quantity
 
 
 def damping_demand(transfer: Response, period: float, angle: Array) -> Array:
-    """Right-hand side of (1) at the angles θ = ωT in (0, π] [N s/m]."""
+    """Right-hand side of condition (1) of this module [N s/m], at the angles θ = ωT in (0, π].
+
+    Args:
+        transfer: H(z) as a callable.
+        period: T [s].
+        angle: θ [rad], (angles).
+
+    Examples:
+        >>> import numpy as np
+        >>> from haptic_device.analysis.passivity import damping_demand
+        >>> from haptic_device.analysis.transfer import wall_transfer
+        >>> spring = wall_transfer(1000.0, 0.0, 0.001)
+        >>> print(damping_demand(spring, 0.001, np.array([0.5, 1.0, 2.0])).round(9))  # KT/2 at all frequencies
+        [0.5 0.5 0.5]
+    """
     half = 0.5 * angle
     return -0.5 * period * np.imag(np.exp(-1j * half) * transfer(np.exp(1j * angle))) / np.sin(half)
 
 
 def least_damping(transfer: AnyTransfer, period: float) -> LeastDamping:
-    """Least physical damping for passivity by condition (1), necessary and sufficient.
+    """Least physical damping for passivity with any H(z), as a LeastDamping.
 
-    `transfer` is a Transfer, a pair (numerator, denominator) of coefficients in z from the highest power down, or any
-    callable H(z) with real coefficients. A callable may broadcast parameters that carry a trailing axis of length one
-    (and `period` likewise); the answer then has one entry for each. Poles on or outside the unit circle make
-    coefficients need an infinite b; a callable is taken to be stable. Refuses a period that is not positive.
+    The condition is necessary and sufficient (Colgate, Stanley & Brown 1995, eq. 1; Colgate & Schenkel 1997). A
+    callable may broadcast parameters that have a last axis of length one, as may the period; the answer then has one
+    entry for each. With a pole on or outside the unit circle no damping is enough; a callable is taken to be stable.
+    Raises ValueError if the period is not above 0.
+
+    Args:
+        transfer: a Transfer, a pair (numerator, denominator) of coefficients from the highest power of z down, or a
+            callable H(z) with real coefficients.
+        period: T [s].
+
+    Examples:
+        >>> from haptic_device.analysis.passivity import least_damping
+        >>> from haptic_device.analysis.transfer import wall_transfer
+        >>> need = least_damping(wall_transfer(1000.0, 0.1, 0.001), 0.001)
+        >>> print(round(need.damping, 9))  # KT/2 + B
+        0.6
     """
     positive("period", period, "s")
     transfer = as_transfer(transfer)

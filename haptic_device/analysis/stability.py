@@ -22,9 +22,21 @@ from haptic_device.analysis.transfer import Transfer, wall_transfer
 
 
 def held_plant(mass: float, physical_damping: float, period: float, fraction: float = 0.0) -> Transfer:
-    """Sampled position over force, the force switched `fraction` of a period after the sample [m/N].
+    """Sampled position over held force of the device 1/(s(ms + b)), x(z)/f(z) [m/N], exact; as a Transfer.
 
-    m [kg] > 0, b [N s/m] ≥ 0, T [s] > 0, 0 ≤ fraction < 1.
+    Raises ValueError for a value out of range.
+
+    Args:
+        mass: m > 0 [kg].
+        physical_damping: b ≥ 0 [N s/m].
+        period: T > 0 [s].
+        fraction: part of a period, 0 ≤ s < 1, after which the force is switched.
+
+    Examples:
+        >>> from haptic_device.analysis.stability import held_plant
+        >>> plant = held_plant(0.1, 0.0, 0.001)  # without damping T²/(2m) (z + 1)/(z - 1)²
+        >>> print(plant.numerator, plant.denominator)
+        [5.e-06 5.e-06] [ 1. -2.  1.]
     """
     positive("mass", mass, "kg")
     not_negative("physical_damping", physical_damping, "N s/m")
@@ -73,9 +85,24 @@ def spectral_radius(
     delay_samples: float = 0.0,
     velocity_lag: float = 0.0,
 ) -> Quantity:
-    """Largest pole magnitude of the loop without an operator; below 1 is stable. Stiffness and damping broadcast.
+    """Largest magnitude of the loop's poles without an operator: below 1 the display is stable by itself.
 
-    At K = 0 the free position is a pole at exactly 1, which is no instability: it is left out.
+    At K = 0 the free position is a pole at exactly 1, which is left out. Stability is not passivity: an operator may
+    destabilize what is stable alone. Raises ValueError for a value out of range.
+
+    Args:
+        stiffness: K of the wall [N/m]; broadcasts.
+        damping: B of the wall [N s/m]; broadcasts.
+        mass: m [kg].
+        physical_damping: b [N s/m].
+        period: T [s].
+        delay_samples: the delay in periods.
+        velocity_lag: τ [s].
+
+    Examples:
+        >>> from haptic_device.analysis.stability import spectral_radius
+        >>> print(spectral_radius([1000.0, 4000.0], 0.0, 0.1, 1.0, 0.001).round(4))  # stable, and not
+        [0.9975 1.0049]
     """
     finite("stiffness", stiffness, "N/m")
 
@@ -96,7 +123,23 @@ def stable_ranges(
     delay_samples: float = 0.0,
     velocity_lag: float = 0.0,
 ) -> list[tuple[float, float]]:
-    """All intervals (low, high) of stiffness K > 0 [N/m] in which the loop without an operator is stable, rising."""
+    """All intervals (low, high) of stiffness K > 0 [N/m] in which the loop is stable without an operator, rising.
+
+    Raises ValueError for a value out of range.
+
+    Args:
+        mass: m > 0 of the device [kg].
+        physical_damping: b of the device [N s/m].
+        damping: B of the wall [N s/m].
+        period: T [s].
+        delay_samples: the delay in periods.
+        velocity_lag: τ of the filter on the velocity [s].
+
+    Examples:
+        >>> from haptic_device.analysis.stability import stable_ranges
+        >>> [(low, round(high, 3)) for low, high in stable_ranges(0.1, 1.0, 0.0, 0.001)]
+        [(0.0, 2003.339)]
+    """
     finite("damping", damping, "N s/m")
     fixed, scaled = characteristic(mass, physical_damping, damping, period, delay_samples, velocity_lag)
     edges = np.concatenate([[0.0], _crossings(fixed, scaled), [np.inf]])
@@ -120,9 +163,23 @@ def largest_stable_stiffness(
     delay_samples: float = 0.0,
     velocity_lag: float = 0.0,
 ) -> float:
-    """The first stiffness at which stability is lost when K rises from 0 [N/m]; 0 if it is missing already there.
+    """Stiffness K [N/m] at which stability is lost first when K rises from 0; 0 if there is none near K = 0.
 
-    Stability may come back at larger K; `stable_ranges` tells. Arguments broadcast.
+    The arguments broadcast. Stability may come back at a larger K; `stable_ranges` tells. With
+    B = 0 and a small bT/m it is near 2b/T, the passive limit. Raises ValueError for a value out of range.
+
+    Args:
+        mass: m > 0 of the device [kg].
+        physical_damping: b of the device [N s/m].
+        damping: B of the wall [N s/m].
+        period: T [s].
+        delay_samples: the delay in periods.
+        velocity_lag: τ of the filter on the velocity [s].
+
+    Examples:
+        >>> from haptic_device.analysis.stability import largest_stable_stiffness
+        >>> print(round(largest_stable_stiffness(0.1, 1.0, 0.0, 0.001), 3))
+        2003.339
     """
     ranges = stable_ranges(mass, physical_damping, damping, period, delay_samples, velocity_lag)
     return ranges[0][1] if ranges and ranges[0][0] == 0.0 else 0.0

@@ -11,7 +11,20 @@ from haptic_device.analysis.quantity import Array, Complexes, Quantity, finite, 
 
 
 class Transfer(NamedTuple):
-    """A ratio of two polynomials in z, coefficients from the highest power down; call it with complex z."""
+    """A transfer function H(z): a ratio of two polynomials in z with real coefficients. Call it with complex z.
+
+    Attributes:
+        numerator: coefficients from the highest power of z down, (n).
+        denominator: the same of the denominator, (d).
+
+    Examples:
+        >>> from haptic_device.analysis.transfer import Transfer
+        >>> lag = Transfer([0.5, 0.0], [1.0, -0.5])  # y(k) = 0.5 y(k-1) + 0.5 x(k)
+        >>> print(lag(1.0))  # a constant passes unchanged
+        1.0
+        >>> print(lag.poles())
+        [0.5]
+    """
 
     numerator: Array
     denominator: Array
@@ -33,11 +46,25 @@ AnyTransfer = Response | tuple[npt.ArrayLike, npt.ArrayLike]
 def wall_transfer(
     stiffness: Quantity, damping: Quantity, period: Quantity, velocity_lag: Quantity = 0.0, delay_samples: float = 0
 ) -> Transfer:
-    """Spring and damper on a sampled position, force on the device against the motion [N per m].
+    """Spring and damper on a sampled position, H(z) [N/m]: the force on the device acts against the motion.
 
-    H(z) = K + B (z−1)/(T z) (Colgate, Stanley & Brown 1995, eq. 2). With velocity_lag τ > 0 [s] the velocity passes a
-    first-order lag, discretized by backward Euler: α (z−1)/(T (z−1+α)), α = T/(T+τ); τ = 0 is eq. 2 again.
-    delay_samples whole samples of delay multiply by z^−N. K [N/m], B [N s/m], T [s].
+    H(z) = K + B (z−1)/(T z) (Colgate, Stanley & Brown 1995, eq. 2). With a lag τ of the velocity the damper is
+    B α (z−1)/(T (z−1+α)) with α = T/(T+τ), by backward Euler. Raises ValueError for a value out of range.
+
+    Args:
+        stiffness: K [N/m].
+        damping: B [N s/m].
+        period: T > 0 [s].
+        velocity_lag: time constant τ ≥ 0 of a first-order lag on the velocity [s].
+        delay_samples: a whole number of periods by which the force is late, a factor z^−N.
+
+    Examples:
+        >>> from haptic_device.analysis.transfer import wall_transfer
+        >>> wall = wall_transfer(1000.0, 1.0, 0.001)
+        >>> print(wall.numerator, wall.denominator)  # ((K + B/T) z - B/T) / z
+        [ 2000. -1000.] [1. 0.]
+        >>> print(wall(1.0))  # at rest only the spring acts: K
+        1000.0
     """
     finite("stiffness", stiffness, "N/m")
     finite("damping", damping, "N s/m")
@@ -54,7 +81,20 @@ def delayed(transfer: Transfer, samples: float) -> Transfer: ...
 @overload
 def delayed(transfer: Response, samples: float) -> Response: ...
 def delayed(transfer: Response, samples: float) -> Response:
-    """The transfer function a whole number of samples late: H(z) z^−N; any callable will do."""
+    """H(z) z^−N: the transfer function, or any other callable, a whole number of samples late.
+
+    Raises ValueError if `samples` is not a whole number, at least 0.
+
+    Args:
+        transfer: H(z).
+        samples: N.
+
+    Examples:
+        >>> from haptic_device.analysis.transfer import delayed, wall_transfer
+        >>> late = delayed(wall_transfer(1000.0, 0.0, 0.001), 1)
+        >>> print(late(-1.0))  # at z = -1 one sample of delay changes the sign
+        -1000.0
+    """
     if samples != int(samples) or samples < 0:
         raise ValueError(f"delay_samples is {samples:g}, but it must be a whole number of samples, at least 0")
     if not isinstance(transfer, Transfer):

@@ -13,7 +13,19 @@ SHORTEST = 0.005  # [s]
 
 
 class Contact(NamedTuple):
-    """One contact: when it began and ended [s], and the strongest force on the hand meanwhile [N]."""
+    """One contact.
+
+    Attributes:
+        begin: when it began [s].
+        end: when it ended [s].
+        force: strongest force on the hand meanwhile [N].
+
+    Examples:
+        >>> from haptic_device.analysis.report.reading import read_run
+        >>> contact = read_run("run/bag").contacts[0]
+        >>> contact.begin < contact.end
+        True
+    """
 
     begin: float
     end: float
@@ -21,7 +33,18 @@ class Contact(NamedTuple):
 
 
 def touching(rows: Records) -> Flags:
-    """Whether each tick was in contact, (ticks): the tool with the scene, or the handle with a wall."""
+    """Whether each tick was in contact, (ticks): the tool with the scene, or the handle with a wall of the servo.
+
+    Args:
+        rows: of a trace.
+
+    Examples:
+        >>> from haptic_device.analysis.wall_contacts import touching
+        >>> from haptic_device.recording import load
+        >>> touch = touching(load("run/bag").trace)
+        >>> bool(touch[0]), bool(touch[-1])  # free at first, in the wall at the end
+        (False, True)
+    """
     there = [name for name in ("tool_contact", "force_walls") if name in (rows.dtype.names or ())]
     touch = np.zeros(len(rows), bool)
     for name in there:
@@ -31,7 +54,22 @@ def touching(rows: Records) -> Flags:
 
 
 def contacts(seconds: Array, touch: Flags, force: Array) -> list[Contact]:
-    """The contacts in the order of time; seconds and touch: (ticks), force: (ticks, 2) on the handle [N]."""
+    """The contacts in the order of time. One that comes back within 20 ms is the same; one below 5 ms does not count.
+
+    Args:
+        seconds: time of each tick [s], (n).
+        touch: from `touching`, (n).
+        force: on the handle in x and y [N], (n, 2).
+
+    Examples:
+        >>> import numpy as np
+        >>> from haptic_device.analysis.wall_contacts import contacts
+        >>> seconds = np.arange(0.0, 1.0, 0.001)
+        >>> touch = (seconds > 0.2) & (seconds < 0.5)
+        >>> force = np.outer(touch, [3.0, 4.0])
+        >>> [(round(one.begin, 3), round(one.end, 3), one.force) for one in contacts(seconds, touch, force)]
+        [(0.201, 0.499, 5.0)]
+    """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], touch, [False]]).astype(np.int8)))
     joined: list[list[int]] = []
     for begin, end in edges.reshape(-1, 2):

@@ -25,7 +25,23 @@ ROUNDING = 1e-9  # of the energy of the beginning, that may seem given
 
 
 class Setup(NamedTuple):
-    """A device model and its loop; SI units, delay in periods (sensing and acting together)."""
+    """A model of a device and its loop, for a run that taps a wall.
+
+    Attributes:
+        mass: moving mass m [kg].
+        physical_damping: b [N s/m].
+        period: T of the servo [s].
+        coulomb: Coulomb friction [N].
+        resolution: step of the encoder [m].
+        delay_samples: delay of sensing and acting together, in periods.
+        velocity_lag: time constant of the filter on the velocity [s].
+        seconds: length of a run [s].
+
+    Examples:
+        >>> from haptic_device.analysis.zwidth import Setup
+        >>> Setup(mass=0.1, physical_damping=1.0, period=0.001).seconds
+        1.0
+    """
 
     mass: float
     physical_damping: float
@@ -38,9 +54,19 @@ class Setup(NamedTuple):
 
 
 class Operator(NamedTuple):
-    """What holds the handle: mass [kg], damper [N s/m] and spring [N/m] on it, and a push [N] into the wall.
+    """What holds the handle. A tap comes from 2 mm before the wall at 0.1 m/s.
 
-    A tap comes from 2 mm before the wall at 0.1 m/s; who is pressed begins a third deeper in the wall than at rest.
+    Attributes:
+        mass: mass on the handle [kg].
+        damping: damper on the handle [N s/m].
+        stiffness: spring on the handle [N/m].
+        push: constant force into the wall [N].
+        pressed: whether a run begins in the wall, a third deeper than at rest, and not with a tap.
+
+    Examples:
+        >>> from haptic_device.analysis.zwidth import Operator
+        >>> Operator(mass=0.5, damping=20.0, stiffness=1000.0, push=5.0).pressed
+        False
     """
 
     mass: float = 0.0
@@ -71,7 +97,19 @@ OPERATORS = {
 
 
 class Outcome(NamedTuple):
-    """What the cells did, arrays over the cells: assessment (QUIET, GIVING, SHAKING), energy given [J], growth."""
+    """What the walls did, arrays over the cells of the plane.
+
+    Attributes:
+        assessment: 0 quiet, 1 gives energy, 2 shakes; NAMES has the words.
+        energy_given: energy given to the operator [J].
+        growth: energy of the vibration in the last quarter of the run over that in the quarter before.
+
+    Examples:
+        >>> from haptic_device.analysis.zwidth import NAMES, Setup, operators_of, run_cells
+        >>> outcome = run_cells(Setup(0.1, 1.0, 0.001), operators_of("none"), 1000.0, 0.0)
+        >>> NAMES[outcome.assessment.item()]
+        'quiet'
+    """
 
     assessment: npt.NDArray[np.int8]
     energy_given: Array
@@ -89,14 +127,42 @@ def check_setup(setup: Setup) -> None:
 
 
 def operators_of(name: str) -> tuple[Operator, ...]:
-    """The operators behind a name of OPERATORS. Raises ValueError, one sentence, for another one."""
+    """The operators behind a name.
+
+    Each hand taps once and is pressed once; `worst` is a grid of pressed hands. Raises ValueError with one sentence for
+    another name.
+
+    Args:
+        name: none, light, firm or worst.
+
+    Examples:
+        >>> from haptic_device.analysis.zwidth import operators_of
+        >>> [hand.pressed for hand in operators_of("light")]
+        [False, True]
+    """
     if name not in OPERATORS:
         raise ValueError(f"operator is {name!r}, but it must be one of {', '.join(OPERATORS)}")
     return OPERATORS[name]
 
 
 def run_cells(setup: Setup, operators: Sequence[Operator], stiffness: npt.ArrayLike, damping: npt.ArrayLike) -> Outcome:
-    """Outcome of the walls K [N/m], B [N s/m] (arrays that broadcast), the worst over the operators."""
+    """What walls do when operators tap them, as an Outcome: for each wall the worst result of the operators.
+
+    Each cell is a run in lock-step against the exact motion of the device. Raises ValueError for what cannot be a
+    device, a wall or a run.
+
+    Args:
+        setup: the device.
+        operators: from `operators_of`.
+        stiffness: K of the walls [N/m], an array that broadcasts with damping.
+        damping: B of the walls [N s/m], an array that broadcasts with stiffness.
+
+    Examples:
+        >>> from haptic_device.analysis.zwidth import NAMES, Setup, operators_of, run_cells
+        >>> outcome = run_cells(Setup(0.1, 1.0, 0.001), operators_of("none"), [1000.0, 4000.0], 0.0)
+        >>> [NAMES[cell] for cell in outcome.assessment]
+        ['quiet', 'shakes']
+    """
     check_setup(setup)
     not_negative("stiffness", stiffness, "N/m")
     finite("damping", damping, "N s/m")
@@ -139,7 +205,22 @@ def _assessment(setup: Setup, operator: Operator, outcomes: npt.NDArray[np.void]
 
 
 def theory(setup: Setup, damping: Array, lateness: float = 0.0) -> dict[str, Array]:
-    """Lines over B [N s/m] (array): name → largest K [N/m]. lateness [s]: writes late by anything up to it."""
+    """Lines of theory over the damping B [N s/m], {name: largest K [N/m] at each B}.
+
+    The lines are `passive`, `stable` and, with a lateness, `late writes`. Raises ValueError for a value out of range.
+
+    Args:
+        setup: the device.
+        damping: B [N s/m], (n).
+        lateness: writes are late by anything up to it [s], at most half a period.
+
+    Examples:
+        >>> import numpy as np
+        >>> from haptic_device.analysis.zwidth import Setup, theory
+        >>> lines = theory(Setup(0.1, 1.0, 0.001), np.array([0.0, 0.5]))
+        >>> print(lines["passive"].round(3))  # 2 (b - B)/T
+        [2000. 1000.]
+    """
     check_setup(setup)
     within("lateness", lateness, 0.0, 0.5 * setup.period, "s")
     b, m, period = setup.physical_damping, setup.mass, setup.period

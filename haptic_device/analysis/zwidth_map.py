@@ -16,7 +16,21 @@ from haptic_device.os_errors import naming
 
 
 class Request(NamedTuple):
-    """What a map is of: device, operator's name, and the axes of the plane, K [N/m] and B [N s/m]."""
+    """What a map of the K–B plane is of.
+
+    Attributes:
+        setup: the device.
+        operator: name of the operators, see `operators_of`.
+        stiffness: K of the columns [N/m], rising, (k).
+        damping: B of the rows [N s/m], (b).
+
+    Examples:
+        >>> import numpy as np
+        >>> from haptic_device.analysis.zwidth import Setup
+        >>> from haptic_device.analysis.zwidth_map import Request
+        >>> Request(Setup(0.1, 1.0, 0.001), "none", np.array([1000.0, 4000.0]), np.array([0.0])).operator
+        'none'
+    """
 
     setup: Setup
     operator: str
@@ -25,7 +39,21 @@ class Request(NamedTuple):
 
 
 class Plane(NamedTuple):
-    """Outcomes over (B, K), and which rows (of one B each) are done."""
+    """A map of the K–B plane.
+
+    Attributes:
+        outcome: what the cells did, arrays (b, k).
+        done: which rows are done, (b).
+
+    Examples:
+        >>> import numpy as np
+        >>> from haptic_device.analysis.zwidth import Setup
+        >>> from haptic_device.analysis.zwidth_map import Request, draw_map
+        >>> axes = np.array([1000.0, 4000.0]), np.array([0.0])
+        >>> plane = draw_map(Request(Setup(0.1, 1.0, 0.001), "none", *axes), workers=1)
+        >>> plane.outcome.assessment.shape, bool(plane.done.all())
+        ((1, 2), True)
+    """
 
     outcome: Outcome
     done: Flags
@@ -44,11 +72,24 @@ def draw_map(
     scheduler: str = "",
     plane: Plane | None = None,
 ) -> Plane:
-    """Runs all rows, into `plane`, an empty one, where it is given: what is done is there if this is interrupted.
+    """Runs all cells of a map, row by row.
 
-    By threads, for the cells run without the interpreter's lock, or by the workers of a Dask scheduler (sweep.spread).
-    progress(rows done) is called after each. Raises ValueError, one sentence, for values that cannot be, for a
-    scheduler that is not there.
+    Raises ValueError with one sentence for values that cannot be, and for a scheduler that is not there.
+
+    Args:
+        request: what the map is of.
+        workers: number of threads; the cells run without the interpreter's lock.
+        progress: called after each row with the number of rows that are done.
+        scheduler: address of a Dask scheduler whose workers run the rows instead.
+        plane: an empty one to fill; what is done is in it if this is interrupted.
+
+    Examples:
+        >>> import numpy as np
+        >>> from haptic_device.analysis.zwidth import Setup
+        >>> from haptic_device.analysis.zwidth_map import Request, draw_map
+        >>> axes = np.array([1000.0, 4000.0]), np.array([0.0])
+        >>> draw_map(Request(Setup(0.1, 1.0, 0.001), "none", *axes), workers=1).outcome.assessment.tolist()
+        [[0, 2]]
     """
     check_setup(request.setup)
     not_negative("stiffness", request.stiffness, "N/m")
@@ -67,9 +108,25 @@ def draw_map(
 
 
 def boundaries(request: Request, plane: Plane, lateness: float = 0.0) -> dict[str, Array]:
-    """K [N/m] over B up to which all cells are `quiet`, and none shakes (`not shaking`), and the largest K of theory.
+    """Largest stiffness [N/m] over the damping of a map's rows, {name: (b)}: as the map found it, and as theory says.
 
-    One cell that is otherwise hides all above it, which may be quiet again: the map shows them."""
+    Up to `quiet` all cells are quiet; up to `not shaking` none shakes; the others are the lines of `zwidth.theory`. One
+    cell that is otherwise hides all above it, which may be quiet again.
+
+    Args:
+        request: what the map is of.
+        plane: the map, from `draw_map`.
+        lateness: as in `theory` [s].
+
+    Examples:
+        >>> import numpy as np
+        >>> from haptic_device.analysis.zwidth import Setup
+        >>> from haptic_device.analysis.zwidth_map import Request, boundaries, draw_map
+        >>> request = Request(Setup(0.1, 1.0, 0.001), "none", np.array([1000.0, 4000.0]), np.array([0.0]))
+        >>> limits = boundaries(request, draw_map(request, workers=1))
+        >>> print(limits["quiet"], limits["passive"].round(3))
+        [1000.] [2000.]
+    """
     assessment = plane.outcome.assessment
     return {
         "quiet": _first(request.stiffness, assessment > 0),

@@ -8,11 +8,28 @@ from haptic_device.jit import kernel
 
 @kernel
 def least_damping(stiffness, damping, period, delay):
-    """Physical damping b [N s/m] above which wall or coupling is passive: KT/2 + |B| (Colgate 1995, eq. 3).
+    """Physical damping b [N s/m] above which a wall or a coupling is passive: KT/2 + |B| (Colgate 1995, eq. 3).
 
-    A force that acts `delay` [s] late, N + s periods, needs more: with A = KT (½ + N + s) the spring needs
-    ½ [A + √(A² + s(1−s)(KT)²)] (docs/theory/passivity.md), exact for a constant delay and for writes late by anything
-    up to it while that is below T/2; the damper, acting over holds of up to T + delay, is charged |B| √(1 + delay/T).
+    A force that acts late needs more damping. With delay = (N + s) T, 0 ≤ s < 1, and A = KT (½ + N + s) it is
+
+        ½ [A + √(A² + s(1−s)(KT)²)] + |B| √(1 + min(delay/T, 1)).
+
+    The spring's part is exact for a constant delay, and for writes that are late by anything up to a delay below T/2.
+    The damper's part is a bound, since it acts over holds of up to T + delay. Proof: docs/theory/passivity.md.
+    Compiled; the arguments are not checked.
+
+    Args:
+        stiffness: K ≥ 0 [N/m].
+        damping: B of either sign [N s/m].
+        period: T [s].
+        delay: how late the force acts [s].
+
+    Examples:
+        >>> from haptic_device.control.passivity import least_damping
+        >>> round(least_damping(1000.0, 0.1, 0.001, 0.0), 12)  # KT/2 + |B|
+        0.6
+        >>> round(least_damping(1000.0, 0.0, 0.001, 0.001), 12)  # one period late: KT (1/2 + 1)
+        1.5
     """
     late = delay / period
     # late = N + s periods
@@ -26,10 +43,26 @@ def least_damping(stiffness, damping, period, delay):
 def coupling_damping(stiffness, damping, period, delay):
     """Physical damping b [N s/m] above which a coupling to any passive simulation in step is passive.
 
-    With a delay of N + s periods in the display's own loop, L = (1−s)(N+1)² + s(N+2)²: L KT/2 for the spring, exact
-    (docs/theory/passivity.md), and |B| √(1 + delay/T) as for a wall.
-    B < 0: L (KT/2)²/(KT/2 + B), and no b from −KT/2 on. It is also what set-position modulation needs where each change
-    of force that is not the handle's own is paid by what it can give while it is late (late_price).
+    The delay is in the display's own loop. With delay = (N + s) T, 0 ≤ s < 1, and L = (1−s)(N+1)² + s(N+2)² it is
+
+        L KT/2 + B √(1 + min(delay/T, 1))    for B ≥ 0, where the spring's part is exact,
+        L (KT/2)²/(KT/2 + B)                 for −KT/2 < B < 0, and infinite for B ≤ −KT/2.
+
+    Proof: docs/theory/passivity.md. Set-position modulation needs the same, where each change of force that is not the
+    handle's own is paid by what it can give while it is late (late_price). Compiled; the arguments are not checked.
+
+    Args:
+        stiffness: K ≥ 0 [N/m].
+        damping: B of either sign [N s/m].
+        period: T [s].
+        delay: how late the force acts [s].
+
+    Examples:
+        >>> from haptic_device.control.passivity import coupling_damping
+        >>> round(coupling_damping(1000.0, 0.1, 0.001, 0.0), 12)  # without delay as a wall
+        0.6
+        >>> round(coupling_damping(1000.0, 0.0, 0.001, 0.001), 12)  # one period late: 2² KT/2
+        2.0
     """
     late = delay / period
     whole = math.floor(late)

@@ -66,10 +66,28 @@ _SECOND = 1_000_000_000
 
 
 class Joints(NamedTuple):
-    """A JointState topic: arrays (messages, names); times in ns of the system clock; units as PORT_UNITS, ENTRY_UNITS.
+    """A JointState topic, as arrays over its n messages and m names. Units: PORT_UNITS and ENTRY_UNITS.
 
     The position of `motor` is its command in motor units. `wrench` has an effort only and `pose` a position only, each
     by the names of the message's fields.
+
+    Attributes:
+        names: names of the entries, (m).
+        stamp: stamp of each message, of the system clock [ns], (n).
+        received: when the recorder received it, of the system clock [ns], (n).
+        published: when it was published, of the system clock [ns], (n).
+        sequence: number that its publisher gave it, (n).
+        position: (n, m) [m | rad].
+        velocity: (n, m) [m/s | rad/s].
+        effort: (n, m) [N | N m].
+
+    Examples:
+        >>> from haptic_device.recording import load
+        >>> state = load("run/bag").joint("operator/state")
+        >>> state
+        Joints(1000 messages of x, y, theta, motor_x, motor_y, motor_theta, energy_given, time, motion_done)
+        >>> print(f"{state.entry('x')[0]:.3f} m")
+        0.030 m
     """
 
     names: tuple[str, ...]
@@ -85,14 +103,24 @@ class Joints(NamedTuple):
         return f"Joints({len(self.stamp)} messages of {', '.join(self.names) or 'nothing'})"
 
     def entry(self, name: str, part: str = "position") -> Array:
-        """One named entry over time; `part` is position, velocity or effort. Raises ValueError if it is not there."""
+        """One entry over time, (n); `part` is position, velocity or effort. Raises ValueError if it is not there."""
         if name not in self.names:
             raise ValueError(f"the topic has no entry {name}; it has {', '.join(self.names)}")
         return getattr(self, part)[:, self.names.index(name)]
 
 
 class Mark(NamedTuple):
-    """A marker that somebody set: time in ns of the system clock, and its text."""
+    """A marker that somebody set.
+
+    Attributes:
+        time: when the recorder received it, of the system clock [ns].
+        text: its text.
+
+    Examples:
+        >>> from haptic_device.recording import load
+        >>> load("run/bag").marks  # nobody set one
+        ()
+    """
 
     time: int
     text: str
@@ -100,12 +128,32 @@ class Mark(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Recording:
-    """The topics of one namespace by their short names, the diagnostics by name, and what was wrong with the bag.
+    """What a bag holds from one namespace. Topics have short names: `trace`, `handle`, `operator/state`.
 
-    pairs: the same instants [ns] on the system clock and on CLOCK_MONOTONIC, for `monotonic`. seconds: from the first
-    message to the last. counts, skipped, lost: of each topic the messages; those that the bag lacks, by its publisher's
-    numbers; and those that were published and never came to the recorder (`left_out`: never published), None where
-    several publish and nobody can tell. orders: of each topic with stamps, whether these rise.
+    Attributes:
+        bag: path of the bag.
+        namespace: namespace of the topics, such as `/haptic`.
+        joints: JointState topics, and wrench and pose, by short name.
+        clouds: PointCloud2 topics as structured arrays, by short name.
+        diagnostics: what nodes said, {name: statuses, oldest first}.
+        marks: markers, in the order of time.
+        attachments: files in the bag, {name: bytes}.
+        counts: messages of each topic, by full name.
+        skipped: gaps in the publisher's numbers of each topic, by full name: messages that the bag lacks.
+        lost: messages of each topic that were published and never came to the recorder, by full name. None where
+            several publish and nobody can tell.
+        orders: order of the stamps of each topic that has any, by full name.
+        seconds: from the first message to the last [s].
+        pairs: the same instants of the system clock and of CLOCK_MONOTONIC [ns], for `monotonic`.
+        notes: problems of the bag, one sentence each.
+
+    Examples:
+        >>> from haptic_device.recording import load
+        >>> recording = load("run/bag")
+        >>> recording.seconds, recording.lost["/haptic/trace"]
+        (2.0, 0)
+        >>> recording.trace["force_coupling"].shape  # [N, N, N m], a row a tick
+        (8000, 3)
     """
 
     bag: Path
@@ -135,7 +183,7 @@ class Recording:
 
     @property
     def trace(self) -> Records:
-        """Every servo tick, a structured array; units in TRACE_UNITS. Raises ValueError if it was not recorded."""
+        """Every servo tick: a structured array, units in TRACE_UNITS. Raises ValueError if it was not recorded."""
         return self._named(self.clouds, "trace")
 
     @property
@@ -179,10 +227,10 @@ class Recording:
         return sum(value - (0.0 if count < before else start) for (start, before), (value, count) in pairwise(known))
 
     def monotonic(self, time: Nanoseconds) -> Nanoseconds:
-        """System-clock times [ns] as CLOCK_MONOTONIC [ns], the one clock that deadlines and all nodes' data share.
+        """Times of the system clock [ns] as times of CLOCK_MONOTONIC [ns], the clock of deadlines and of all nodes.
 
-        The offset is the median of each second's pairs: each activation of the driver has its own. Raises ValueError if
-        the bag has neither a trace nor `operator/state`.
+        The offset is the median of each second's pairs, because each activation of the driver has its own. Raises
+        ValueError if the bag has neither a trace nor `operator/state`.
         """
         system, monotonic = self.pairs
         if len(system) == 0:
@@ -198,7 +246,7 @@ class Recording:
         return flat_cloud(self._named(self.clouds, topic)) if topic in self.clouds else self._flat_joints(topic)
 
     def to_dataframe(self, topic: str, library: str = "pandas") -> Any:
-        """`columns` as a DataFrame of pandas or polars, whichever is named; ImportError if it is not installed."""
+        """`columns` as a DataFrame of pandas or polars, as `library` says; ImportError if it is not installed."""
         return importlib.import_module(library).DataFrame(self.columns(topic))
 
     def _flat_joints(self, topic: str) -> dict[str, npt.NDArray[Any]]:

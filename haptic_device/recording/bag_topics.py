@@ -21,12 +21,28 @@ _NODE = "haptic_"  # begins the name of every node of ours
 
 
 def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] | None = None) -> Recording:
-    """Reads a bag folder or one .mcap file; `namespace` is needed only where the bag holds several devices.
+    """Reads a bag folder or one .mcap file. Needs no ROS.
 
-    only: the topics to read and what of them, {short name: Entries of a JointState | structured type of a trace | None
-    for all}, for bags that would not fit into memory; diagnostics and marks are read in any case. Raises
-    FileNotFoundError or ValueError with a sentence; a bag that is cut off or damaged is read as far as it goes and
-    `notes` says so.
+    Raises FileNotFoundError or ValueError with one sentence where there is nothing to read. A bag that is cut off or
+    damaged is read as far as it goes, and `notes` says so.
+
+    Args:
+        bag: path of the bag.
+        namespace: needed only where the bag holds several devices.
+        only: the topics to read and which parts, for bags that would not fit into memory: {short name: Entries of a
+            JointState | structured type of a trace | None for all}; diagnostics and marks are read in any case.
+
+    Examples:
+        >>> from haptic_device.recording import load
+        >>> recording = load("run/bag")
+        >>> recording
+        Recording('run/bag', /haptic, 2.000 s: trace 20, snapshot 1, handle 1, operator/state 1000, /diagnostics 4)
+        >>> recording.trace.shape, recording.notes
+        ((8000,), ())
+        >>> load("nowhere")
+        Traceback (most recent call last):
+            ...
+        FileNotFoundError: bag nowhere does not exist
     """
     bag = Path(bag)
     topics, attachments, notes = read(bag, lambda topic, type_name: _collector(topic, type_name, only))

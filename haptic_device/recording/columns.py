@@ -10,7 +10,18 @@ from haptic_device.recording.layouts import CLOUD, PARTS, STAMPED, layout_of, st
 
 
 class Entries(NamedTuple):
-    """Entries of a JointState topic to be read, by name, and which of their parts; the others stay empty."""
+    """What to read from a JointState topic. The rest stays empty.
+
+    Attributes:
+        names: entries of the topic, by name.
+        parts: which of position, velocity and effort.
+
+    Examples:
+        >>> from haptic_device.recording import Entries, load
+        >>> only = {"operator/state": Entries(("x", "energy_given"), ("position",))}
+        >>> load("run/bag", only=only).joint("operator/state").position.shape  # (messages, entries)
+        (1000, 2)
+    """
 
     names: tuple[str, ...]
     parts: tuple[str, ...] = PARTS

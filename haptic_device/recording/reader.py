@@ -59,7 +59,18 @@ class Times(NamedTuple):
 
 
 class StampOrder(NamedTuple):
-    """Of one topic: messages with a stamp; how many of these have an earlier one, and the same, as the one before."""
+    """Order of the stamps of one topic.
+
+    Attributes:
+        stamped: messages with a stamp.
+        back: how many of these have an earlier stamp than the one before.
+        same: how many have the same stamp as the one before.
+
+    Examples:
+        >>> from haptic_device.recording import load
+        >>> load("run/bag").orders["/haptic/operator/state"]
+        StampOrder(stamped=1000, back=0, same=0)
+    """
 
     stamped: int = 0
     back: int = 0

@@ -73,9 +73,27 @@ class Found:
 
 
 def recovered(bag: Path) -> Iterator[str]:
-    """Makes the bag whole, and says of each file what was done. Raises FileNotFoundError, OSError, ValueError.
+    """Repairs a bag that was cut off or damaged. Yields one sentence for each file: what was done.
 
-    A file that is empty, no MCAP file or none of the bag's is left alone and out of metadata.yaml.
+    What can be read goes into a file of the same name; the file as it was stays beside it as `NAME.mcap.damaged`.
+    metadata.yaml is written anew where it was missing or wrong. A file that is empty, no MCAP file or none of the bag's
+    is left alone. Raises FileNotFoundError, OSError or ValueError.
+
+    Args:
+        bag: a folder or one .mcap file.
+
+    Examples:
+        >>> import shutil
+        >>> from pathlib import Path
+        >>> from haptic_device.recording.recover import recovered
+        >>> _ = shutil.copytree("run/bag", "torn/bag")
+        >>> file = Path("torn/bag/bag_0.mcap")
+        >>> _ = file.write_bytes(file.read_bytes()[:-100])  # the end is lost, as after a kill
+        >>> Path("torn/bag/metadata.yaml").unlink()
+        >>> for sentence in recovered(Path("torn/bag")):
+        ...     print(sentence)
+        bag_0.mcap: ends without its index, written anew (as it was: bag_0.mcap.damaged); 1026 messages
+        metadata.yaml is written: 1026 messages in 1 files
     """
     found, files = Found(), files_of(bag)
     yield from files.notes

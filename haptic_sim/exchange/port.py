@@ -16,9 +16,24 @@ from haptic_sim.protocol import Coupling, Planar, StepResult, World
 
 
 class HandleSample(NamedTuple):
-    """What the device side says: time [ns], position [m, m, rad], velocity, and the gains it couples with.
+    """What the device side says of the handle.
 
-    effort and energy: what the exchange method ships (docs/theory/exchange.md).
+    Attributes:
+        time_ns: time of the sample [ns].
+        position: of the handle in the world's frame [m, m, rad].
+        velocity: of the handle [m/s, m/s, rad/s].
+        stiffness: K of the coupling [N/m].
+        damping: B of the coupling [N s/m].
+        rotational_stiffness: K of the coupling about theta [N m/rad].
+        rotational_damping: B of the coupling about theta [N m s/rad].
+        effort: what the exchange method ships beside the gains (docs/theory/exchange.md).
+        energy: energy that the exchange method ships [J].
+
+    Examples:
+        >>> from haptic_sim.exchange.simulation import HandleSample
+        >>> sample = HandleSample(1_000_000, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1000.0, 1.0, 1.0, 0.001)
+        >>> sample.gains.stiffness
+        1000.0
     """
 
     time_ns: int

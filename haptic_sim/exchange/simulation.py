@@ -26,9 +26,22 @@ Added = Callable[[Any], object]
 class ToolSample(NamedTuple):
     """The answer to one handle sample.
 
-    Tool position [m, m, rad], velocity, the force on the tool over the last sub-step [N, N, N m] (or what the exchange
-    method carries in its place), whether the tool was in contact during the exchange, and the energy [J] supplied at
-    the tool port so far (or what the exchange method ships).
+    Attributes:
+        position: of the tool's grip [m, m, rad].
+        velocity: of the tool [m/s, m/s, rad/s].
+        force_on_tool: mean force of the coupling on the tool over the last sub-step [N, N, N m], or what the exchange
+            method has in its place.
+        contact: whether the tool was in contact during the exchange.
+        energy: energy supplied at the tool's port so far [J], or what the exchange method ships.
+
+    Examples:
+        >>> from haptic_sim.exchange.simulation import HandleSample, Simulation
+        >>> from haptic_sim.reduction import reduce_scene
+        >>> from haptic_sim.scene.language import load
+        >>> simulation = Simulation(reduce_scene(load("wall")))
+        >>> first = simulation.exchange(HandleSample(0, (0.03, 0.0, 0.0), (0.0, 0.0, 0.0), 1000.0, 1.0, 1.0, 0.001))
+        >>> first.position, first.contact
+        ((0.03, 0.0, 0.0), False)
     """
 
     position: Planar
@@ -39,10 +52,23 @@ class ToolSample(NamedTuple):
 
 
 class Counters(NamedTuple):
-    """What happened since the last reset; the contact force [N] is the largest of one pair of shapes.
+    """Counts since the last reset.
 
-    `left_out` counts contacts beyond what the method can solve for at once: above 0 the motion is not to be trusted.
-    `waited_ns` is the time between handle samples that the world did not make up.
+    Attributes:
+        exchanges: handle samples that were answered.
+        sub_steps: sub-steps that the world made.
+        rejoined: times that a handle sample began a new time base.
+        max_contact_force: largest force of one pair of shapes [N].
+        max_penetration: deepest overlap [m].
+        left_out: contacts beyond what the method can solve for at once; above 0 the motion is not to be trusted.
+        waited_ns: time between handle samples that the world did not make up [ns].
+
+    Examples:
+        >>> from haptic_sim.exchange.simulation import Simulation
+        >>> from haptic_sim.reduction import reduce_scene
+        >>> from haptic_sim.scene.language import load
+        >>> Simulation(reduce_scene(load("wall"))).counters.exchanges
+        0
     """
 
     exchanges: int = 0
@@ -55,20 +81,34 @@ class Counters(NamedTuple):
 
 
 class Energy(NamedTuple):
-    """Balance as things stand [J]; all but `kinetic` and `potential` since the start."""
+    """Energy of the simulated world [J]; all but `kinetic` and `potential` since the start.
+
+    supplied = Δkinetic + Δpotential + dissipated, and dissipated = contacts + numerical − correction.
+
+    Attributes:
+        kinetic: of all bodies now.
+        potential: of gravity and springs now.
+        supplied: work of the coupling on the tool.
+        contacts: taken by impacts, friction, stops and dry friction of joints, less what motors and belts gave. Of
+            `impulse` it is all that is lost but `numerical`.
+        correction: put in by putting joints and overlaps right; negative where that slowed the motion down.
+        dissipated: what was supplied, or was there at the start, and is stored no more.
+
+    Examples:
+        >>> from haptic_sim.exchange.simulation import Simulation
+        >>> from haptic_sim.reduction import reduce_scene
+        >>> from haptic_sim.scene.language import load
+        >>> balance = Simulation(reduce_scene(load("wall"))).ledger.balance
+        >>> balance.kinetic, balance.supplied
+        (0.0, 0.0)
+    """
 
     kinetic: float
     potential: float
     supplied: float
-    """By the coupling, at the tool's port."""
     contacts: float
-    """Taken by impacts, friction, stops and dry friction of joints; motors and belts give. Of `impulse`: all that is
-    lost, but for numerical."""
     correction: float
-    """Put in by putting joints and overlaps right, by `impulse` at the tool; negative where the motion was slowed down
-    to make up for it."""
     dissipated: float
-    """All that is neither supplied and still there nor was there at the start."""
 
     @property
     def numerical(self) -> float:
@@ -117,12 +157,31 @@ def kernels_of(reduced: ReducedScene, exchange_method: str) -> tuple[str, ...]:
 
 
 class Simulation:
-    """A scene with a tool port. Same samples in, same bits out.
+    """A scene behind a tool port, which answers handle samples. The same samples give the same bits.
 
-    `sub_step` [s] is as reduced from the scene unless given. A handle sample that comes more than
-    `max_catch_up` [s] after the one before, or before it, starts a new time base: the world waits where it is, and
-    nothing is made up for the time in between. `added` puts bodies of one's own into the method's `space`: it is called
-    with the method at the start and after each reset. ValueError if the method has no space.
+    Within an exchange the handle goes evenly from the sample before to the new one. Raises ValueError for a sub-step
+    out of range, and for bodies of your own where the method has no space.
+
+    Args:
+        reduced: the scene.
+        sub_step: step of the world [s], as reduced from the scene unless given.
+        max_catch_up: longest time between two handle samples that the world makes up [s]. A later sample, or one with
+            an earlier time, starts a new time base.
+        port: the exchange method at the tool; the direct one unless given.
+        added: puts bodies of your own into the `space` of the method `impulse`, and is called with the method at the
+            start and after each reset.
+
+    Examples:
+        >>> from haptic_sim.exchange.simulation import HandleSample, Simulation
+        >>> from haptic_sim.reduction import reduce_scene
+        >>> from haptic_sim.scene.language import load
+        >>> simulation = Simulation(reduce_scene(load("wall")))  # a wall at x = 0, a tool of radius 10 mm
+        >>> still, gains = (0.0, 0.0, 0.0), (1000.0, 1.0, 1.0, 0.001)
+        >>> for millisecond in range(2000):
+        ...     x = max(0.005, 0.03 - 1e-4 * millisecond)
+        ...     tool = simulation.exchange(HandleSample(1_000_000 * millisecond, (x, 0.0, 0.0), still, *gains))
+        >>> print(f"tool at {1e3 * tool.position[0]:.3f} mm, {tool.force_on_tool[0]:.3f} N")  # K (x_handle - x_tool)
+        tool at 10.000 mm, -5.000 N
     """
 
     def __init__(
@@ -181,9 +240,9 @@ class Simulation:
         self.port.rejoin()
 
     def exchange(self, handle: HandleSample, most: int | None = None) -> ToolSample:
-        """Advance to the handle's time, by at most so many sub-steps, and answer. What is beyond them is left out.
+        """Advances to the handle's time, by at most `most` sub-steps, and answers; what is beyond them is left out.
 
-        ValueError if a gain is negative or not finite.
+        Raises ValueError if a gain is negative or not finite.
         """
         gains = self.port.receive(handle, self.sub_step_ns / SECOND, self.method.inner)
         if gains != self._coupled:

@@ -12,9 +12,21 @@ from haptic_sim.film.reading import film_of
 
 
 def write_film(runs: list[Run], folder: Path, show: Callable[[int, str], None] = lambda done, what: None) -> list[Path]:
-    """Writes film.html of one run or two, and film.gif of the first; their paths. show(films read, what is next).
+    """Writes film.html of one run or two, and film.gif of the first, into a folder; their paths.
 
-    Raises ValueError for a run of which nothing can be seen.
+    Raises ValueError for a run of which nothing can be seen, OSError if it cannot be written.
+
+    Args:
+        runs: from `read_run`.
+        folder: is made if it is not there.
+        show: called on the way with the number of films that are read and what is done next.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from haptic_device.analysis.report.reading import read_run
+        >>> from haptic_sim.film.write import write_film
+        >>> [path.name for path in write_film([read_run("run/bag")], Path("film"))]
+        ['film.html', 'film.gif']
     """
     films = []
     for number, run in enumerate(runs):

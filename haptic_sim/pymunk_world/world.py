@@ -56,10 +56,31 @@ _PLACES = _BODY.BODY_ID | _BODY.POSITION | _BODY.ANGLE | _BODY.VELOCITY | _BODY.
 
 
 class PymunkWorld:
-    """The scene as `space`, a pymunk.Space, stepped by `sub_step` [s]. Implements `World`.
+    """The method `impulse`: the scene as `space`, a pymunk.Space in SI units, stepped by `sub_step` [s]. A `World`.
 
-    What is added to the space moves with it, and is swept like the scene: bodies, constraints, collision callbacks.
-    `body` gives the scene's own.
+    What is added to the space moves with it and is swept like the scene: bodies, constraints, collision callbacks. It
+    stays until the next reset. Model: see this module.
+
+    Args:
+        reduced: the scene.
+        sub_step: [s].
+
+    Attributes:
+        space: the pymunk.Space.
+
+    Examples:
+        >>> import pymunk
+        >>> from haptic_sim.protocol import held
+        >>> from haptic_sim.pymunk_world.world import PymunkWorld
+        >>> from haptic_sim.reduction import reduce_scene
+        >>> from haptic_sim.scene.language import load
+        >>> world = PymunkWorld(reduce_scene(load("free_space"), "impulse"), 0.001)
+        >>> own = pymunk.Body(0.02, 1e-6)  # [kg], [kg m²]
+        >>> own.position, own.velocity = (0.05, 0.0), (0.1, 0.0)  # [m], [m/s]
+        >>> world.space.add(own, pymunk.Circle(own, 0.002))
+        >>> _ = world.step(held((0.0, 0.0, 0.0)), 100)
+        >>> round(own.position.x, 6)  # 0.1 m/s for 0.1 s
+        0.06
     """
 
     passive = False

@@ -24,9 +24,18 @@ Flying = list[tuple[int, int, int, Any]]
 
 
 class Network(NamedTuple):
-    """delay: of handle sample and answer together [s]; jitter: uniform ± [s]; loss: share of turns lost; seed.
+    """What delays and loses the samples between driver and simulation. Either way has half of delay and jitter.
 
-    Either way has half of the delay and of the jitter, and its own losses.
+    Attributes:
+        delay: of a handle sample and its answer together [s].
+        jitter: largest deviation from the delay, evenly distributed [s].
+        loss: share of the exchanges that are lost, 0…1; each way has its own losses.
+        seed: of the random numbers.
+
+    Examples:
+        >>> from haptic_sim.replay.lockstep import Network
+        >>> Network(delay=0.01)
+        Network(delay=0.01, jitter=0.0, loss=0.0, seed=0)
     """
 
     delay: float = 0.0
@@ -46,10 +55,35 @@ class Played(Protocol):
 
 
 class Lockstep:
-    """The system of one operating point; `run` goes on where it stopped.
+    """Servo, device model and simulation in one process, without clock and ROS. The same values give the same bits.
 
-    driver, loopback: values of those nodes' parameters, all of them; device: as the driver has it; write_delay: time
-    [s] from each deadline to the motor's write. Without a simulation the handle is in free space.
+    Raises ValueError where values do not fit together. A handle sample is taken in every exchange period from the
+    newest tick; its answer counts from the first tick that is at least the delay later.
+
+    Args:
+        device: the device, as the driver has it.
+        driver: all parameters of these nodes, {name: value}.
+        loopback: all parameters of these nodes, {name: value}.
+        simulation: the world behind the exchange, or None for a handle in free space.
+        network: the network between driver and simulation.
+        write_delay: from each deadline to the motor's write [s].
+        hand: a recorded motion in place of the loopback's script.
+
+    Examples:
+        >>> from haptic_device.description import load_device
+        >>> from haptic_device.parameter_types import defaults
+        >>> from haptic_sim.node_parameters import NODES
+        >>> from haptic_sim.replay.lockstep import Lockstep
+        >>> wall = {"normals": (1.0, 0.0), "offsets": (0.0,), "stiffness": (1000.0,), "damping": (0.0,)}
+        >>> walls = {f"wall.{name}": values for name, values in wall.items()}
+        >>> free = {"coupling.stiffness": 0.0, "coupling.damping": 0.0}
+        >>> motion = {"motion.name": "press_wall", "motion.start": (0.01, 0.0, 0.0), "motion.target": (-0.01, 0.0, 0.0)}
+        >>> driver = defaults(NODES["haptic_driver"]) | walls | free
+        >>> loopback = defaults(NODES["haptic_loopback"]) | motion
+        >>> rows = Lockstep(load_device("desktop"), driver, loopback, None).run(2.0)
+        >>> last = rows[-1]
+        >>> print(f"{last.force_walls[0]:.3f} N, {-1000.0 * last.position[0]:.3f} N")  # the wall's force is K x depth
+        3.320 N, 3.320 N
     """
 
     def __init__(
@@ -80,7 +114,7 @@ class Lockstep:
         self._coming: Flying = []
 
     def run(self, seconds: float) -> np.recarray:
-        """Rows of the ticks of this time."""
+        """The next ticks of this time [s]: a structured array, a row a tick, with the columns of `trace`."""
         rows = np.zeros(round(seconds * SECOND / self.period), records.TRACE_ROW).view(np.recarray)
         done = 0
         while done < len(rows):

@@ -29,7 +29,25 @@ SECOND = 1_000_000_000
 
 
 class Point(NamedTuple):
-    """An operating point with its device and scene: all parameter values of the three nodes."""
+    """An operating point with its device and scene, as a bag keeps it.
+
+    Attributes:
+        device: the device.
+        scene: the scene, or None for a handle in free space.
+        driver: all parameters of haptic_driver, {name: value}.
+        loopback: all parameters of haptic_loopback.
+        simulation: all parameters of haptic_simulation.
+
+    Examples:
+        >>> from haptic_device.description import load_device
+        >>> from haptic_device.parameter_types import defaults
+        >>> from haptic_sim.node_parameters import NODES
+        >>> from haptic_sim.replay.lockstep_bag import Point
+        >>> nodes = "haptic_driver", "haptic_loopback", "haptic_simulation"
+        >>> point = Point(load_device("desktop"), None, *(defaults(NODES[node]) for node in nodes))
+        >>> point.driver["servo.rate"]  # [Hz]
+        4000.0
+    """
 
     device: Device
     scene: Scene | None
@@ -39,7 +57,37 @@ class Point(NamedTuple):
 
 
 class LockstepBag:
-    """Takes the rows of a Lockstep system as it runs, with the truth of its plant after each batch."""
+    """A bag of a lock-step run, with the topics of live nodes: `trace`, `snapshot`, `handle`, `operator/state`.
+
+    Raises ValueError if the folder holds something, and OSError if the disk is full.
+
+    Args:
+        folder: a new or empty folder.
+        system: the run, not begun.
+        point: its operating point.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from haptic_device.description import load_device
+        >>> from haptic_device.parameter_types import defaults
+        >>> from haptic_sim.exchange.simulation import Simulation
+        >>> from haptic_sim.node_parameters import NODES
+        >>> from haptic_sim.reduction import reduce_scene
+        >>> from haptic_sim.replay.lockstep import Lockstep
+        >>> from haptic_sim.replay.lockstep_bag import LockstepBag, Point
+        >>> from haptic_sim.scene.language import load
+        >>> device, scene = load_device("desktop"), load("wall")
+        >>> nodes = "haptic_driver", "haptic_loopback", "haptic_simulation"
+        >>> driver, loopback, simulation = (defaults(NODES[node]) for node in nodes)
+        >>> loopback |= {f"motion.{name}": value for name, value in scene.motion.items()}
+        >>> simulation["scene"] = "wall"
+        >>> world = Simulation.by_parameters(reduce_scene(scene), simulation)
+        >>> system = Lockstep(device, driver, loopback, world)
+        >>> bag = LockstepBag(Path("run/bag"), system, Point(device, scene, driver, loopback, simulation))
+        >>> for _ in range(1000):  # 2 s; after each 2 ms the bag gets the truth of the plant
+        ...     bag.add(system.run(0.002))
+        >>> bag.close({})
+    """
 
     def __init__(self, folder: Path, system: Lockstep, point: Point):
         self._system, self._bag = system, Bag(folder)
@@ -57,7 +105,7 @@ class LockstepBag:
         self._write("diagnostics", self._status("haptic_simulation", self._simulation()), EPOCH)
 
     def add(self, rows: np.ndarray) -> None:
-        """The next rows, and the plant as they have left it. Raises OSError once the disk is full."""
+        """Takes the next rows of `Lockstep.run`, and the plant as it is then. Raises OSError once the disk is full."""
         if self._bag.full:
             raise self._bag.full
         self._rows.append(rows.view(np.ndarray))
@@ -76,7 +124,7 @@ class LockstepBag:
             self._bag.close({"namespace": NAMESPACE, "lockstep": "true"})
 
     def close(self, facts: dict[str, str]) -> None:
-        """Writes the rest, what the nodes would say at the end, and `facts` of the replay itself."""
+        """Writes the rest and what nodes say at the end. facts: {name: text}, kept as the status `haptic_replay`."""
         self._write_rows()
         now = EPOCH + self._system.ticks * self._system.period
         said = {"haptic_driver": self._driver(), "haptic_simulation": self._simulation(), "haptic_replay": facts}

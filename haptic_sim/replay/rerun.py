@@ -36,19 +36,56 @@ ONLY = {
 
 
 class Hand(NamedTuple):
-    """A recorded motion: played into a system, and its length [s]."""
+    """A recorded motion.
+
+    Attributes:
+        played: what plays it into a `Lockstep`, as its `hand`.
+        seconds: its length [s].
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from haptic_sim.replay.rerun import hand_of, recorded
+        >>> print(f"{hand_of(recorded(Path('run/bag')), as_device=False).seconds:.3f} s")
+        2.000 s
+    """
 
     played: PlayedTarget | PlayedDevice
     seconds: float
 
 
 def recorded(bag: Path, namespace: str | None = None) -> Recording:
-    """The bag, with what a replay needs of it."""
+    """The bag at this path, with what a replay needs of it, as a `Recording`; errors as in `load`.
+
+    Args:
+        bag: path of the bag.
+        namespace: needed only where the bag holds several devices.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from haptic_sim.replay.rerun import recorded
+        >>> recorded(Path("run/bag")).trace.dtype.names
+        ('tick', 'deadline', 'position', 'engage', 'tool_age')
+    """
     return load(bag, namespace, ONLY)
 
 
 def hand_of(recording: Recording, as_device: bool) -> Hand:
-    """The motion from the first engaged tick on. Raises ValueError if the bag has none."""
+    """The recorded motion, from the first tick with the motor engaged to the last.
+
+    Raises ValueError if the bag has no such motion.
+
+    Args:
+        recording: from `recorded`.
+        as_device: the handle is where it was, whatever the display does; else the hand's target is played, and the
+            handle gives way.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from haptic_sim.replay.rerun import hand_of, recorded
+        >>> hand = hand_of(recorded(Path("run/bag")), as_device=False)
+        >>> print(hand.played.points[0].round(4))  # target of the hand [m, m, rad]
+        [0.03 0.   0.  ]
+    """
     trace = recording.trace
     engaged = np.flatnonzero(trace["engage"] > 0)
     if len(engaged) < 2:
@@ -78,14 +115,36 @@ def _target(recording: Recording, begin: float, end: float) -> PlayedTarget:
 
 
 def given_at(params: str | None) -> dict[str, dict[str, Any]]:
-    """{node: {parameter: value}} of an operating point, a name or a file; empty for none. Raises ValueError."""
+    """Values of an operating point, a name in config/ or a file: {node: {parameter: value}}; empty for None.
+
+    Raises ValueError or FileNotFoundError with one sentence.
+
+    Args:
+        params: a name in config/, the path of a file, or None.
+
+    Examples:
+        >>> from haptic_sim.replay.rerun import given_at
+        >>> given_at("demo")["haptic_driver"]["coupling.stiffness"]  # [N/m]
+        2000.0
+    """
     return {} if params is None else read_operating_point(find("", params), NODES)
 
 
 def recorded_point(recording: Recording, given: dict[str, dict[str, Any]]) -> Point:
-    """The operating point that the bag was recorded with, with given values, of given_at, in place of its own.
+    """The operating point that a bag was recorded with, with other values in place of its own.
 
-    Raises ValueError, one sentence.
+    Raises ValueError with one sentence.
+
+    Args:
+        recording: from `recorded`.
+        given: {node: {parameter: value}}, from `given_at`.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from haptic_sim.replay.rerun import recorded, recorded_point
+        >>> point = recorded_point(recorded(Path("run/bag")), {"haptic_driver": {"coupling.stiffness": 500.0}})
+        >>> point.scene.name, point.driver["coupling.stiffness"], point.driver["coupling.damping"]
+        ('wall', 500.0, 1.0)
     """
     nodes = "haptic_driver", "haptic_loopback", "haptic_simulation"
     driver, loopback, simulation = (_values(recording, node) | given.get(node, {}) for node in nodes)
@@ -97,11 +156,29 @@ def recorded_point(recording: Recording, given: dict[str, dict[str, Any]]) -> Po
 
 
 def replay(hand: Hand, point: Point, network: Network, bag: Path) -> float:
-    """Runs the hand at the operating point into a new bag; returns the processor's time for a second of it [s].
+    """Plays a recorded hand at an operating point into a new bag; the processor's time for a second of it [s].
 
-    The first step does not count for that: in it functions are compiled. Raises ValueError, one sentence, for an
-    operating point that the driver would refuse, OSError where the disk takes no more: the bag then ends with what it
-    has, and standard error says where it is.
+    The first step does not count for the time, as functions are compiled in it. Raises ValueError with one sentence for
+    an operating point that the driver would refuse, and OSError where the disk takes no more: the bag then ends with
+    what it has, and standard error says where it is.
+
+    Args:
+        hand: from `hand_of`.
+        point: from `recorded_point`.
+        network: between driver and simulation.
+        bag: a new or empty folder.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from haptic_device.recording import load
+        >>> from haptic_sim.replay.lockstep import Network
+        >>> from haptic_sim.replay.rerun import hand_of, recorded, recorded_point, replay
+        >>> recording = recorded(Path("run/bag"))
+        >>> softer = recorded_point(recording, {"haptic_driver": {"coupling.stiffness": 500.0}})
+        >>> _ = replay(hand_of(recording, as_device=True), softer, Network(), Path("softer/bag"))
+        >>> forces = [load(bag).trace["force_coupling"][-1, 0] for bag in ("run/bag", "softer/bag")]
+        >>> bool(forces[0] > forces[1] > 0.0)  # the same motion is felt less
+        True
     """
     _judge(point)
     simulation = _simulation(point.scene, point.simulation) if point.scene else None

@@ -56,7 +56,22 @@ _LIGHT: dict[str, Any] = {"fontsize": 9, "path_effects": [withStroke(linewidth=2
 
 
 def save(scene: Scene, path: str | os.PathLike[str]) -> None:
-    """Write the picture as PNG; OSError if the file cannot be written."""
+    """Writes a picture of the scene as PNG: bodies, joints, measures, the way of the suggested motion, in mm.
+
+    Raises OSError if it cannot be written.
+
+    Args:
+        scene: the scene.
+        path: of the file.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from haptic_sim.scene.draw import save
+        >>> from haptic_sim.scene.language import load
+        >>> save(load("wall"), "wall.png")
+        >>> Path("wall.png").stat().st_size > 0
+        True
+    """
     figure = Figure(figsize=(5.0, 5.2), layout="constrained")
     axes = figure.subplots()
     draw(scene, axes)
@@ -66,7 +81,21 @@ def save(scene: Scene, path: str | os.PathLike[str]) -> None:
 
 
 def draw(scene: Scene, axes: Axes) -> None:
-    """The scene in an axes object, in mm."""
+    """Draws the scene into axes of matplotlib, in mm.
+
+    Args:
+        scene: the scene.
+        axes: of matplotlib.
+
+    Examples:
+        >>> from matplotlib.figure import Figure
+        >>> from haptic_sim.scene.draw import draw
+        >>> from haptic_sim.scene.language import load
+        >>> axes = Figure().subplots()
+        >>> draw(load("wall"), axes)
+        >>> axes.get_xlabel()
+        'x [mm]'
+    """
     way, drawn = handle_way(scene), drawing_of(scene)
     seen = _frame(axes, scene, way)
     _draw_kinds(axes, drawn)

@@ -30,9 +30,19 @@ Limits = Annotated[tuple[Number, Number], AfterValidator(_about_zero)]
 
 
 class Joint(Part):
-    """Holds two bodies together at a point of the plane, `at`, or at a point of each body's own frame, `anchors`.
+    """Holds two bodies together. Joined bodies do not touch each other unless `collide`.
 
-    Joined bodies do not touch each other unless `collide`.
+    Attributes:
+        name: name of the joint, or "".
+        bodies: names of the two; `world` is the plane.
+        at: point of the plane where they are joined [m, m]. Give this or `anchors`.
+        anchors: a point of each body's frame [m, m].
+        collide: whether the bodies touch each other.
+
+    Examples:
+        >>> from haptic_sim.scene.language import load
+        >>> [(joint.type, joint.bodies) for joint in load("pendulum").joints]
+        [('pin', ('world', 'rod'))]
     """
 
     name: str = ""
@@ -105,7 +115,18 @@ class Joint(Part):
 
 
 class Weld(Joint):
-    """Makes one of two bodies, as limits of a pin or a slider do that are both 0."""
+    """Makes one of two bodies.
+
+    Attributes:
+        bodies: names of the two; `world` is the plane.
+        at: point of the plane where they are joined [m, m]. Give this or `anchors`.
+        anchors: a point of each body's frame [m, m].
+
+    Examples:
+        >>> from haptic_sim.scene.joints import Weld
+        >>> Weld(type="weld", bodies=("tool", "block"), at=(0.0, 0.0)).locks
+        True
+    """
 
     type: Literal["weld"]
 
@@ -116,9 +137,20 @@ class Weld(Joint):
 
 
 class Spring(Joint):
-    """Pulls its anchors with `stiffness` [N/m] and `damping` [N s/m] towards the distance `rest` [m].
+    """Pulls two points towards a distance.
 
-    The rest is the distance at the start unless given.
+    Attributes:
+        bodies: names of the two; `world` is the plane.
+        anchors: a point of each body's frame [m, m].
+        stiffness (float): [N/m].
+        damping (float): along the line between the points [N s/m].
+        rest (float | None): distance without force [m]; as at the start unless given.
+
+    Examples:
+        >>> from haptic_sim.scene.joints import Spring
+        >>> pull = Spring(type="spring", bodies=("tool", "world"), anchors=((0.0, 0.0), (0.0, 0.1)), stiffness=50.0)
+        >>> pull.spring(0.1)  # stiffness, damping, rest
+        (50.0, 0.0, 0.1)
     """
 
     type: Literal["spring"]
@@ -150,13 +182,33 @@ class Motor(Part):
 
 
 class RotaryMotor(Motor):
-    """The motor of a pin, with at most `max_torque` [N m]."""
+    """The motor of a pin.
+
+    Attributes:
+        speed (float): of body b against body a, counter-clockwise [rad/s].
+        max_torque (float): largest torque [N m].
+
+    Examples:
+        >>> from haptic_sim.scene.joints import RotaryMotor
+        >>> RotaryMotor(speed=1.0, max_torque=0.1)
+        RotaryMotor(speed=1.0, max_torque=0.1)
+    """
 
     max_torque: Annotated[Positive, Unit("N m")]
 
 
 class LinearMotor(Motor):
-    """The motor of a slider, with at most `max_force` [N]."""
+    """The motor of a slider.
+
+    Attributes:
+        speed (float): of body b against body a, along the axis [m/s].
+        max_force (float): largest force [N].
+
+    Examples:
+        >>> from haptic_sim.scene.joints import LinearMotor
+        >>> LinearMotor(speed=0.1, max_force=2.0)
+        LinearMotor(speed=0.1, max_force=2.0)
+    """
 
     max_force: Annotated[Positive, Unit("N")]
 
@@ -183,7 +235,25 @@ class LowerPair(Joint):
 
 
 class Pin(LowerPair):
-    """Lets body b turn about the anchor, against `friction_torque` [N m]."""
+    """A hinge: body b turns about a point of body a. The coordinate is the angle, 0 at the start, counter-clockwise.
+
+    Attributes:
+        bodies: names of a and b; `world` is the plane.
+        at: point of the plane [m, m]. Give this or `anchors`.
+        anchors: a point of each body's frame [m, m].
+        limits: least and largest angle [rad], which enclose 0; or None.
+        stiffness (float): of a spring on the angle [N m/rad].
+        damping (float): of a damper on the angle [N m s/rad].
+        rest (float): angle to which the spring pulls [rad].
+        friction_torque (float): Coulomb friction [N m].
+        motor: a RotaryMotor, or None.
+
+    Examples:
+        >>> from haptic_sim.scene.joints import Pin
+        >>> hinge = Pin(type="pin", bodies=("world", "door"), at=(0.0, 0.0), limits=(0.0, 1.5), stiffness=0.1)
+        >>> hinge.range, hinge.moves
+        ((0.0, 1.5), True)
+    """
 
     type: Literal["pin"]
     friction_torque: Annotated[NotNegative, Unit("N m")] = 0.0
@@ -201,7 +271,26 @@ class Pin(LowerPair):
 
 
 class Slider(LowerPair):
-    """Lets body b go along `axis`, of any length, without turning, against `friction_force` [N]."""
+    """Body b goes along an axis of body a and does not turn. The coordinate is the way, 0 at the start.
+
+    Attributes:
+        bodies: names of a and b; `world` is the plane.
+        at: point of the plane [m, m]. Give this or `anchors`.
+        anchors: a point of each body's frame [m, m].
+        axis (Point): direction in the plane at the start, of any length; it is fixed in body a.
+        limits: least and largest way [m], which enclose 0; or None.
+        stiffness (float): of a spring on the way [N/m].
+        damping (float): of a damper on the way [N s/m].
+        rest (float): way to which the spring pulls [m].
+        friction_force (float): Coulomb friction [N].
+        motor: a LinearMotor, or None.
+
+    Examples:
+        >>> from haptic_sim.scene.joints import Slider
+        >>> rail = Slider(type="slider", bodies=("world", "cart"), at=(0.0, 0.0), axis=(3.0, 4.0))
+        >>> rail.unit_axis
+        (0.6, 0.8)
+    """
 
     type: Literal["slider"]
     axis: Direction

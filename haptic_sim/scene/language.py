@@ -29,13 +29,36 @@ Share = Annotated[Number, Field(gt=0.0, le=1.0)]
 
 
 class SceneError(ConfigError):
-    """A scene that cannot be used: one sentence with file, path in the file, value and what to do."""
+    """A scene that cannot be used: one sentence with file, place in the file, value and what to do.
+
+    Attributes:
+        found: one sentence for each thing that is wrong, without the name of the file.
+
+    Examples:
+        >>> from haptic_sim.scene.language import SceneError, load
+        >>> try:
+        ...     load("wal")
+        ... except SceneError as error:
+        ...     print(str(error)[-18:])
+        did you mean wall?
+    """
 
 
 class Measure(Part):
-    """How far `point` of `body` has come along `axis`: 0 where its projection is `from`, 1 where it is `to` [m].
+    """How far a point of a body has moved along an axis, as a fraction. Without an axis: how far the body has turned.
 
-    Without an axis it is how far the body has turned: 0 where its angle is `from`, 1 where it is `to` [rad].
+    Attributes:
+        body: name of the body.
+        point: point of the body's frame [m, m].
+        axis (Point | None): direction in the plane, of any length; or None.
+        start (float): where the fraction is 0 [m | rad]; `from` in YAML.
+        end (float): where the fraction is 1 [m | rad]; `to` in YAML.
+
+    Examples:
+        >>> from haptic_sim.scene.language import load
+        >>> reached = load("wall").measure["reached"]
+        >>> round(reached.fraction((0.03, 0.0, 0.0)), 9), round(reached.fraction((0.01, 0.0, 0.0)), 9)
+        (0.0, 1.0)
     """
 
     body: str = TOOL
@@ -51,7 +74,7 @@ class Measure(Part):
         return self
 
     def fraction(self, pose: tuple[float, float, float]) -> float:
-        """Fraction of the way with the body at `pose` (x, y, theta)."""
+        """Fraction of the way with the body at `pose` (x, y, theta) [m, m, rad]."""
         return (self._come(pose) - self.start) / (self.end - self.start)
 
     def _come(self, pose: tuple[float, float, float]) -> float:
@@ -63,12 +86,28 @@ class Measure(Part):
 
 
 class Task(Part):
-    """What people do in a scene, in their words. It is done when each measure of `done` has reached its fraction, and
-    the hand feels `force` [N] in contact, if that is named.
+    """What people do in a scene, in words.
 
-    `words` say how far it is, `{percent}` in them is the number. `next` names the scene that is offered when all is
-    done. `way`: poses [m, m, rad] that the tool is shown to go through in so many `seconds`, the start's first; without
-    it, those of the scene's motion.
+    It is done when each measure of `done` has reached its fraction, and the hand feels `force` in contact, if that is
+    given.
+
+    Attributes:
+        title (str): name of the task.
+        goal (str): what to do.
+        hint (str): how to do it.
+        done (dict[str, float]): {measure: least fraction}.
+        force (float | None): force on the hand that is asked for [N], or None.
+        words (str): how far it is; `{percent}` stands for the number.
+        next: name of the scene that is offered when all is done.
+        way (tuple[Pose, ...]): poses that the tool is shown to go through [m, m, rad]; where there are none, those of
+            the scene's motion.
+        seconds (float): time in which the tool is shown to go there [s].
+
+    Examples:
+        >>> from haptic_sim.scene.language import load
+        >>> task = load("wall").task
+        >>> task.title, task.force
+        ('Press against a wall', 5.0)
     """
 
     title: Words
@@ -96,9 +135,31 @@ class Task(Part):
 
 
 class Scene(Part):
-    """A named environment with a tool in it. `motion` is handed to the operator's model as it stands.
+    """A named environment with a tool in it. Nothing in it can be changed.
 
-    `method`, `sub_step` [s] and `error` (relative, of the fastest motion) are wishes; what is left out is worked out.
+    The plane is x right, y up, theta counter-clockwise; a shape is given in its body's frame. Two materials in contact
+    act by the geometric mean of their friction and of their restitution.
+
+    Attributes:
+        name: name of the scene.
+        description: what it shows.
+        gravity: acceleration along x and y [m/s²].
+        method: simulation method that is asked for, or None.
+        sub_step (float | None): step that is asked for [s], or None.
+        error (float): error that is asked for, relative, of the fastest motion.
+        materials: {name: material}.
+        bodies: fixed and movable bodies.
+        joints: what holds bodies together.
+        tool: the tool.
+        measure: {name: measure}.
+        motion: motion that is suggested to the hand: parameters `motion.*` of haptic_loopback.
+        task: what people do in it, or None.
+
+    Examples:
+        >>> from haptic_sim.scene.language import load
+        >>> scene = load("peg_in_hole")
+        >>> sorted(scene.solids), scene.feature  # [m]
+        (['hole', 'tool'], 0.0014142135623730963)
     """
 
     name: str
@@ -175,7 +236,17 @@ class Scene(Part):
 
 
 def load(name: str | Path) -> Scene:
-    """The scene called `name`, or in the YAML file at that path; SceneError says in one sentence what is wrong."""
+    """The scene of this name in config/scenes, or in the YAML file at this path. Raises SceneError.
+
+    Args:
+        name: a name, or the path of a file.
+
+    Examples:
+        >>> from haptic_sim.scene.language import load
+        >>> scene = load("wall")
+        >>> scene.description, scene.tool.mass  # [kg]
+        ('A rigid flat wall and a round tool', 0.1)
+    """
     try:
         path = find("scenes", str(name))
         content = yaml_reader.load(path)
@@ -187,7 +258,24 @@ def load(name: str | Path) -> Scene:
 
 
 def parse(content: Any, source: str) -> Scene:
-    """A scene from a mapping; `source` names it in the sentence of a SceneError."""
+    """The scene that a mapping describes, as the YAML file has it.
+
+    Raises SceneError: its text is the first thing that is wrong, and its `found` has all of them.
+
+    Args:
+        content: the mapping.
+        source: name of the mapping in the sentence of an error.
+
+    Examples:
+        >>> from haptic_sim.scene.language import parse
+        >>> tool = {"mass": 0.1, "shapes": [{"circle": {"radius": 0.01}}]}
+        >>> parse({"name": "free", "tool": tool}, "free.yaml").tool.pose  # [m, m, rad]
+        (0.0, 0.0, 0.0)
+        >>> parse({"name": "free", "tool": tool | {"mass": -0.1}}, "free.yaml")
+        Traceback (most recent call last):
+            ...
+        haptic_sim.scene.language.SceneError: free.yaml: tool.mass is -0.1: it should be greater than 0 kg
+    """
     try:
         return Scene.model_validate(content)
     except ValidationError as error:

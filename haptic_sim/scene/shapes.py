@@ -58,7 +58,17 @@ class Shape(Part, abc.ABC):
 
 
 class Polygon(Shape):
-    """A convex polygon of these `vertices` [m], in either sense."""
+    """A convex polygon; `{vertices: […]}` in YAML.
+
+    Attributes:
+        vertices (tuple[Point, ...]): corners in the body's frame [m, m], in either sense; they come back
+            counter-clockwise.
+
+    Examples:
+        >>> from haptic_sim.scene.shapes import Polygon
+        >>> Polygon(vertices=[(0.0, 0.0), (0.0, 0.01), (0.01, 0.0)]).vertices
+        ((0.01, 0.0), (0.0, 0.01), (0.0, 0.0))
+    """
 
     key = "vertices"
     vertices: Annotated[tuple[Point, ...], AfterValidator(convex)]
@@ -85,7 +95,17 @@ class KeyedShape(Shape):
 
 
 class Circle(KeyedShape):
-    """A disc of `radius` [m] about `center` [m]."""
+    """A disc; `{circle: {radius: …}}` in YAML.
+
+    Attributes:
+        radius (float): [m].
+        center: in the body's frame [m, m].
+
+    Examples:
+        >>> from haptic_sim.scene.shapes import Circle
+        >>> Circle(radius=0.01).center
+        (0.0, 0.0)
+    """
 
     key = "circle"
     radius: Length
@@ -98,7 +118,18 @@ class Circle(KeyedShape):
 
 
 class Box(KeyedShape):
-    """A rectangle of `size` width, height [m] about `center` [m], turned by `angle` [rad]."""
+    """A rectangle; `{box: {size: [w, h]}}` in YAML.
+
+    Attributes:
+        size (tuple[float, float]): width and height [m, m].
+        center: in the body's frame [m, m].
+        angle (float): by which it is turned, counter-clockwise [rad].
+
+    Examples:
+        >>> from haptic_sim.scene.shapes import Box
+        >>> Box(size=(0.02, 0.01)).outline.vertices[0]  # [m, m]
+        (-0.01, -0.005)
+    """
 
     key = "box"
     size: tuple[Length, Length]
@@ -112,7 +143,17 @@ class Box(KeyedShape):
 
 
 class HalfPlane(KeyedShape):
-    """Everything behind the line through `point` [m]; `normal`, of any length, points out of it. For fixed bodies."""
+    """Everything behind a line; only a fixed body may have one. `{half_plane: {normal: [x, y]}}` in YAML.
+
+    Attributes:
+        point: a point of the line, in the body's frame [m, m].
+        normal (Point): direction out of the body, of any length.
+
+    Examples:
+        >>> from haptic_sim.scene.shapes import HalfPlane
+        >>> HalfPlane(normal=(0.0, 1.0)).bounded
+        False
+    """
 
     key = "half_plane"
     bounded = False
@@ -145,14 +186,36 @@ AnyShape = Annotated[
 
 
 class Material(Part):
-    """Surface of a body: Coulomb friction coefficient and coefficient of restitution."""
+    """Surface of a body.
+
+    Attributes:
+        friction (float): coefficient of Coulomb friction.
+        restitution (float): coefficient of restitution, 0…1.
+
+    Examples:
+        >>> from haptic_sim.scene.shapes import Material
+        >>> Material(friction=0.3)
+        Material(friction=0.3, restitution=0.0)
+    """
 
     friction: NotNegative = 0.0
     restitution: Annotated[Number, Field(ge=0.0, le=1.0)] = 0.0
 
 
 class MassProperties(NamedTuple):
-    """Mass [kg], inertia about the mass centre [kg m²], mass centre in the body's frame [m]."""
+    """Mass and inertia of a body.
+
+    Attributes:
+        mass: [kg].
+        inertia: about the mass centre [kg m²].
+        center: mass centre in the body's frame [m, m].
+
+    Examples:
+        >>> from haptic_sim.scene.shapes import Body, Box
+        >>> properties = Body(name="block", mass=0.12, shapes=[Box(size=(0.03, 0.04))]).mass_properties
+        >>> round(properties.inertia, 9)  # m (w² + h²)/12
+        2.5e-05
+    """
 
     mass: float
     inertia: float
@@ -183,11 +246,25 @@ class Solid(Part):
 
 
 class Body(Solid):
-    """A body: fixed, or dynamic with a mass.
+    """A body: fixed, or movable with a mass. Bodies touch if they have a layer in common.
 
-    The mass is spread evenly over the shapes unless `inertia`, about the mass centre, is given. `surface_velocity`
-    [m/s, m/s], in the body's frame, makes a belt of a fixed body: its surface runs at that while the body stands still,
-    and friction drags what touches it that way. Only the part along the surface counts.
+    Attributes:
+        name: name of the body.
+        pose: of its frame at the start [m, m, rad].
+        velocity: at the start [m/s, m/s, rad/s].
+        layers: numbers of its layers; without any it touches nothing.
+        material: name of its material, or None for neither friction nor restitution.
+        shapes (tuple[AnyShape, ...]): one or more shapes.
+        fixed: whether it stands still.
+        mass (float | None): [kg], evenly spread over the shapes unless `inertia` is given.
+        inertia (float | None): about the mass centre [kg m²].
+        surface_velocity: of a belt, a fixed body whose surface runs, in the body's frame [m/s, m/s].
+
+    Examples:
+        >>> from haptic_sim.scene.shapes import Body, Circle
+        >>> block = Body(name="disc", mass=0.2, shapes=[Circle(radius=0.01)])
+        >>> round(block.mass_properties.inertia, 9)  # m r²/2
+        1e-05
     """
 
     name: str
@@ -221,9 +298,23 @@ class Body(Solid):
 
 
 class Tool(Solid):
-    """The body that the coupling moves. Its frame's origin is the grip, and its mass centre is taken to be there.
+    """The body that the coupling moves. The origin of its frame is the grip, and its mass centre is taken to be there.
 
-    So the coupling's force and torque act at the mass centre and do not mix; the inertia is about the grip.
+    So the coupling's force and torque act at the mass centre and do not mix.
+
+    Attributes:
+        pose: of the grip at the start [m, m, rad].
+        velocity: at the start [m/s, m/s, rad/s].
+        layers: numbers of its layers.
+        material: name of its material, or None.
+        shapes (tuple[AnyShape, ...]): one or more shapes.
+        mass (float): [kg].
+        inertia (float | None): about the grip [kg m²], or None for that of the shapes.
+
+    Examples:
+        >>> from haptic_sim.scene.shapes import Circle, Tool
+        >>> round(Tool(mass=0.1, shapes=[Circle(radius=0.01)]).mass_properties.inertia, 9)  # m r²/2
+        5e-06
     """
 
     name: ClassVar[str] = TOOL

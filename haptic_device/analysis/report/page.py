@@ -22,9 +22,21 @@ _WORDS = {GOOD: "Good.", WARN: "Look at this.", BAD: "Not good."}
 
 
 def write_report(runs: list[Run], folder: Path, left_out: Sequence[str] = ()) -> Path:
-    """Writes report.html and the figures into the folder; the path of the page. Raises ValueError for too many runs.
+    """Writes report.html and its figures into a folder; the path of the page.
 
-    left_out: sentences about recordings that are not shown.
+    The page needs no network and no other file. Raises ValueError for too many runs, OSError if it cannot be written.
+
+    Args:
+        runs: from `read_run`.
+        folder: is made if it is not there.
+        left_out: sentences about recordings that are not shown.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from haptic_device.analysis.report.page import write_report
+        >>> from haptic_device.analysis.report.reading import read_run
+        >>> write_report([read_run("run/bag")], Path("report")).name
+        'report.html'
     """
     if len(runs) > MOST:
         raise ValueError(f"{len(runs)} bags are given; at most {MOST} stand side by side")

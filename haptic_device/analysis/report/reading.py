@@ -39,7 +39,21 @@ LEFT_OUT = (
 
 
 def read_run(bag: Path | str, namespace: str | None = None) -> Run:
-    """The run in a bag. Raises FileNotFoundError or ValueError if nothing of it can be shown."""
+    """The run in a bag, with the columns that a report shows.
+
+    A bag without a trace is read by its other topics. Raises FileNotFoundError or ValueError with one sentence if
+    nothing of it can be shown.
+
+    Args:
+        bag: path of the bag.
+        namespace: needed only where the bag holds several devices.
+
+    Examples:
+        >>> from haptic_device.analysis.report.reading import read_run
+        >>> run = read_run("run/bag")
+        >>> run.scene, run.traced, f"{run.length:.2f} s"
+        ('wall', True, '2.00 s')
+    """
     recording = load(bag, namespace, ONLY)
     run = Run(recording, _name(Path(bag)), list(recording.notes))
     try:

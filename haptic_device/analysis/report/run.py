@@ -26,9 +26,24 @@ AVERAGED = 8  # ticks, where only the servo's own columns are there
 
 @dataclass
 class Run:
-    """A recording and what is computed of it, each thing once; a thing that cannot be had raises ValueError.
+    """A recording and what is computed from it. A property raises ValueError if the recording lacks what it needs.
 
-    no_trace: why there is none that can be shown. Topics then say what they can, in time from the first message.
+    Time 0 is the first tick with the motor engaged, or the first message where there is no trace.
+
+    Attributes:
+        recording: the recording.
+        name: name of the bag.
+        notes: problems of the bag, one sentence each.
+        no_trace: why there is no trace that can be shown, or "".
+
+    Examples:
+        >>> from haptic_device.analysis.report.reading import read_run
+        >>> run = read_run("run/bag")
+        >>> [f"{one.begin:.1f} to {one.end:.1f} s, {one.force:.1f} N" for one in run.contacts]
+        ['0.9 to 2.0 s, 1.7 N']
+        >>> time, x = run.places(0)["handle"]
+        >>> time.shape == x.shape
+        True
     """
 
     recording: Recording
@@ -225,7 +240,7 @@ class Run:
 
     @cached_property
     def impedances(self) -> dict[tuple[str, str], Impedance]:
-        """Of all fits those that tell something: in contact what explains the force; in free space there is little."""
+        """Of the `fits` those that tell something: in contact, only fits that explain the force."""
         return {(kind, axis): found for (kind, axis), found in self.fits.items() if _telling(kind, found)}
 
     @cached_property

@@ -23,7 +23,17 @@ _MICRO, _MILLI = 1e6, 1e3
 
 
 def engaged_rows(trace: Records) -> Records:
-    """Rows of the trace with the motor engaged. Raises ValueError if there is none."""
+    """Rows of the trace with the motor engaged. Raises ValueError if there are less than two.
+
+    Args:
+        trace: a structured array, a row a tick.
+
+    Examples:
+        >>> from haptic_device.analysis.report.summary import engaged_rows
+        >>> from haptic_device.recording import load
+        >>> len(engaged_rows(load("run/bag").trace))
+        7999
+    """
     rows = trace[trace["engage"] > 0]
     if len(rows) < 2:
         raise ValueError(f"the trace of {len(trace)} ticks has {len(rows)} with the motor engaged; two are needed")
@@ -43,7 +53,20 @@ def period(rows: Records) -> float:
 
 
 def servo_figures(rows: Records) -> dict[str, Any]:
-    """Rate [Hz], ticks, missed ticks, lateness and compute time [us]."""
+    """Of the servo: rate [Hz], ticks, missed ticks, quantiles of lateness and of a tick's own work [µs].
+
+    A figure is None where the rows lack it.
+
+    Args:
+        rows: from `engaged_rows`.
+
+    Examples:
+        >>> from haptic_device.analysis.report.summary import engaged_rows, servo_figures
+        >>> from haptic_device.recording import load
+        >>> figures = servo_figures(engaged_rows(load("run/bag").trace))
+        >>> figures["rate_hz"], figures["missed"]
+        (4000.0, 0)
+    """
     compute = rows["compute"][1:] * _MICRO  # each row carries the time of the tick before it
     steps = _grown(rows["tick"])
     return {
@@ -56,7 +79,20 @@ def servo_figures(rows: Records) -> dict[str, Any]:
 
 
 def exchange_figures(recording: Recording, rows: Records) -> dict[str, Any]:
-    """Handle samples sent and answered while engaged, their rate [Hz], and the age of the tool sample in use [ms]."""
+    """Of the exchange while engaged: samples sent and answered, their rate [Hz], age of the tool sample in use [ms].
+
+    Args:
+        recording: the recording, from `load`.
+        rows: from `engaged_rows`.
+
+    Examples:
+        >>> from haptic_device.analysis.report.summary import engaged_rows, exchange_figures
+        >>> from haptic_device.recording import load
+        >>> recording = load("run/bag")
+        >>> figures = exchange_figures(recording, engaged_rows(recording.trace))
+        >>> figures["sent"], figures["answered"]
+        (1999, 1999)
+    """
     sequence = rows["handle_sequence"][rows["handle_sequence"] > 0]
     sent = np.arange(sequence[0], sequence[-1] + 1) if len(sequence) else sequence
     span = (rows["deadline"][-1] - rows["deadline"][0]) * 1e-9
@@ -70,9 +106,22 @@ def exchange_figures(recording: Recording, rows: Records) -> dict[str, Any]:
 
 
 def energy_figures(recording: Recording, rows: Records) -> dict[str, Any]:
-    """Energy given to the operator [J] by a simulated device's truth, and supplied to the tool by the end.
+    """Energy [J] given to the operator, by a simulated device's truth, and supplied to the tool.
 
-    Each counts from the first message of the recording.
+    Positive is from the display to the hand, and from the coupling to the tool. Each counts from the first message of
+    the recording. None where it was not recorded: a real device has no such truth.
+
+    Args:
+        recording: the recording, from `load`.
+        rows: from `engaged_rows`.
+
+    Examples:
+        >>> from haptic_device.analysis.report.summary import energy_figures, engaged_rows
+        >>> from haptic_device.recording import load
+        >>> recording = load("run/bag")
+        >>> figures = energy_figures(recording, engaged_rows(recording.trace))
+        >>> figures["given_to_operator_end"] < 0.0  # the hand has put energy in
+        True
     """
     state = recording.joints.get("operator/state")  # of a simulated device only
     given = [] if state is None else state.entry("energy_given")[state.entry("time") * 1e9 <= rows["deadline"][-1]]
@@ -91,7 +140,19 @@ def waited_time(recording: Recording) -> float | None:
 def contact_figures(recording: Recording, rows: Records | None) -> dict[str, float | None]:
     """The simulation's strongest contact [N] and deepest overlap [m], and the strongest force on the hand in x, y [N].
 
-    None where the recording does not tell it, or without rows.
+    None stands for what the recording lacks.
+
+    Args:
+        recording: the recording, from `load`.
+        rows: from `engaged_rows`, or None.
+
+    Examples:
+        >>> from haptic_device.analysis.report.summary import contact_figures, engaged_rows
+        >>> from haptic_device.recording import load
+        >>> recording = load("run/bag")
+        >>> figures = contact_figures(recording, engaged_rows(recording.trace))
+        >>> print(f"{figures['max_on_hand_n']:.2f} N")
+        1.68 N
     """
     force = np.nan if rows is None else float(np.fmax.reduce(np.hypot(*rows["force_on_handle"][:, :2].T)))
     return {
@@ -141,7 +202,17 @@ def late_samples(rows: Records) -> int | None:
 
 
 def withheld_figures(recording: Recording) -> dict[str, tuple[float, float]] | None:
-    """{cause: time [s] in all, longest [s]} of the force that was withheld; None where the trace does not say it."""
+    """Time for which force was withheld, {cause: (in all [s], longest [s])}; None where the trace lacks it.
+
+    Args:
+        recording: the recording, from `load`.
+
+    Examples:
+        >>> from haptic_device.analysis.report.summary import withheld_figures
+        >>> from haptic_device.recording import load
+        >>> withheld_figures(load("run/bag"))
+        {}
+    """
     trace = recording.trace
     if "withheld" not in (trace.dtype.names or ()) or np.isnan(trace["withheld"]).all():
         return None
@@ -151,10 +222,22 @@ def withheld_figures(recording: Recording) -> dict[str, tuple[float, float]] | N
 
 
 def residual_figures(recording: Recording, rows: Records) -> dict[str, Any]:
-    """RMS [N] of force_coupling on the handle + effort on the tool (zero if equal and opposite), in translation.
+    """How far the coupling's forces on handle and tool are from equal and opposite [N], RMS over x and y.
 
-    The tool's force answers an older handle sample. `explained_by_age_n` is what that leaves: with the stretch in the
-    servo's eyes minus the stretch that sample made, K Δstretch + B Δrate. `unexplained_n` is the RMS of the rest.
+    The tool's force answers an older handle sample. `explained_by_age_n` is what that leaves: K Δstretch + B Δrate, of
+    the stretch that the servo knows less the stretch of the sample. `unexplained_n` is the RMS of the rest. All
+    are None where no tool sample answers a recorded handle sample.
+
+    Args:
+        recording: the recording, from `load`.
+        rows: from `engaged_rows`.
+
+    Examples:
+        >>> from haptic_device.analysis.report.summary import engaged_rows, residual_figures
+        >>> from haptic_device.recording import load
+        >>> recording = load("run/bag")
+        >>> residual_figures(recording, engaged_rows(recording.trace))  # a lock-step bag has no handle samples
+        {'rms_n': None, 'explained_by_age_n': None, 'unexplained_n': None}
     """
     handle = recording.joint("handle")
     rows = rows[(rows["tool_age"] >= 0) & (rows["engage"] >= 1) & (rows["exchange_fade"] >= 1)]

@@ -20,7 +20,19 @@ Findings = Iterator[tuple[str, str]]
 
 
 class Verdict(NamedTuple):
-    """The worst level of all; how the run ended; what else there was, in one line."""
+    """The verdict on a run.
+
+    Attributes:
+        level: the worst that was found: good, warn or bad.
+        ending: how the run ended.
+        rest: other findings, in one line.
+
+    Examples:
+        >>> from haptic_device.analysis.report.reading import read_run
+        >>> from haptic_device.analysis.report.verdict import verdict
+        >>> print(verdict(read_run("run/bag")).ending)
+        No fault. Reached 100 % at the end.
+    """
 
     level: str
     ending: str
@@ -28,7 +40,19 @@ class Verdict(NamedTuple):
 
 
 def verdict(run: Run) -> Verdict:
-    """The verdict on a run, of what its recording tells."""
+    """The verdict on a run: faults, whether the job was done, energy given, force withheld, ticks and samples late.
+
+    What the recording lacks is left out.
+
+    Args:
+        run: from `read_run`.
+
+    Examples:
+        >>> from haptic_device.analysis.report.reading import read_run
+        >>> from haptic_device.analysis.report.verdict import verdict
+        >>> verdict(read_run("run/bag")).level
+        'good'
+    """
     ending, rest = ([found for part in parts for found in _tried(part, run)] for parts in (_ENDING, _REST))
     levels = {level for level, _ in ending + rest}
     worst = next((level for level in (BAD, WARN) if level in levels), GOOD)
