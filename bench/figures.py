@@ -75,16 +75,19 @@ def main(folder: Annotated[Path, typer.Argument(show_default="docs")] = ROOT / "
         )
 
 
+@rc_context(READABLE)
 def sampled_wall() -> Figure:
     """Why a sampled wall gives energy: its force on the way in and out, and the energy over physical damping."""
     return _with_legends((9.0, 5.2), staircase, given)
 
 
+@rc_context(READABLE)
 def conditions() -> Figure:
     """What passivity asks for: over frequency, over delay, of wall and coupling, of cancellation."""
     return _with_legends((9.0, 10.0), demand, delay, late_coupling, switch)
 
 
+@rc_context(READABLE)
 def negative_damping() -> Figure:
     """What negative damping asks of a coupling."""
     return _with_legends((9.0, 5.6), negative, drawn)
@@ -119,7 +122,6 @@ def quiet_walls() -> Figure:
     return figure
 
 
-@rc_context(READABLE)
 def _with_legends(size, *drawings) -> Figure:
     """Panels two by two, the legend of each below it."""
     figure = Figure(figsize=size, layout="constrained")

@@ -21,10 +21,10 @@ from haptic_sim.config_problems import problems
 from haptic_sim.node import simulation
 
 ROOT = Path(__file__).parents[2]
+TOPICS = ROOT / "docs/reference/topics.md"
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 README = ROOT / "README.md"
 MODEL, INSTALL, CLI = (ROOT / f"docs/{name}.md" for name in ("theory/model", "how_to/install", "reference/cli"))
-TOPICS = ROOT / "docs/reference/topics.md"
 ARCHITECTURE, PERFORMANCE = ROOT / "docs/theory/architecture.md", ROOT / "docs/benchmarks/performance.md"
 SPEED_ERROR = ROOT / "docs/benchmarks/speed_error.md"
 
