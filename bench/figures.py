@@ -6,6 +6,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from matplotlib import rc_context
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -33,7 +34,7 @@ from haptic_device.analysis.palette import (
 from haptic_device.analysis.passivity_figure import draw_map
 from haptic_device.analysis.transfer import wall_transfer
 from haptic_device.analysis.zwidth import Setup
-from haptic_device.control.passivity import coupling_damping, least_damping
+from haptic_device.control.passivity import coupling_damping, energy_booked, least_damping
 from reference.closed_forms import (
     delayed_wall_damping,
     fractionally_delayed_spring_damping,
@@ -47,6 +48,8 @@ PHOTOGRAPHS = ROOT / "build" / "browser"
 ON_TIME = Display(0.0, 1.0, 0.5, 1e-3, mass=0.1)
 LATE = Display(0.0, 1.0, 0.5, 1e-3, mass=0.1, delay_samples=1.0)
 LATENESS = 1e-4  # s
+LONG = (0, (9, 3))
+READABLE = {"font.size": 12.0, "axes.titlesize": 13.0}  # also where the page shows a picture at half its size
 SHOTS = ("peg", "nut", "fault_position", "wall_at_hand", "task_dark", "phone")
 
 
@@ -55,6 +58,7 @@ def main(folder: Annotated[Path, typer.Argument(show_default="docs")] = ROOT / "
     for name in ("figures", "benchmarks"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     pictures = {
+        "passivity_sampled": sampled_wall,
         "passivity_conditions": conditions,
         "passivity_negative": negative_damping,
         "passivity_map": passive_and_stable,
@@ -74,16 +78,25 @@ def main(folder: Annotated[Path, typer.Argument(show_default="docs")] = ROOT / "
         )
 
 
+@rc_context(READABLE)
+def sampled_wall() -> Figure:
+    """Why a sampled wall gives energy: its force on the way in and out, and the energy over physical damping."""
+    return _with_legends((9.0, 5.2), staircase, given)
+
+
+@rc_context(READABLE)
 def conditions() -> Figure:
     """What passivity asks for: over frequency, over delay, of wall and coupling, of cancellation."""
-    return _with_legends((9.0, 8.4), demand, delay, late_coupling, switch)
+    return _with_legends((9.0, 10.0), demand, delay, late_coupling, switch)
 
 
+@rc_context(READABLE)
 def negative_damping() -> Figure:
     """What negative damping asks of a coupling."""
-    return _with_legends((9.0, 5.0), negative, drawn)
+    return _with_legends((9.0, 5.6), negative, drawn)
 
 
+@rc_context(READABLE)
 def passive_and_stable() -> Figure:
     """The K–B plane on time and one sample late, to one scale."""
     figure, displays = Figure(figsize=(9.0, 4.9), layout="constrained"), (ON_TIME, LATE)
@@ -140,15 +153,44 @@ def _with_legends(size, *drawings) -> Figure:
     for axes, draw in zip(figure.subplots(len(drawings) // 2, 2).flat, drawings, strict=True):
         draw(axes)
         axes.grid(alpha=0.3)
-        axes.title.set_fontsize(11)
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), handlelength=3.0, fontsize=9, frameon=False)
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), handlelength=2.6, fontsize=11, frameon=False)
     return figure
+
+
+def pressed(step):
+    """Depths [m] at the samples of a hand that goes 1 mm into a wall and out again."""
+    way = np.arange(0.0, 1e-3 + step / 2.0, step)
+    return np.concatenate([way, way[-2::-1]])
+
+
+def staircase(axes):
+    """Force of a wall of 1000 N/m at 1 kHz over the depth, the hand moving at 0.1 m/s."""
+    depth = 1e3 * pressed(1e-4)  # mm; at 1 N/mm it is the force in N too
+    into, out = depth[: len(depth) // 2 + 1], depth[len(depth) // 2 :]
+    last = np.append(into[1:], into[-1])
+    axes.fill_between(into, into, last, step="post", color=ORANGE, alpha=0.3, label="energy that the hand gains")
+    axes.step(into, into, where="post", color=BLUE, label="held force, on the way in")
+    axes.step(out, out, where="post", color=VERMILION, linestyle=DASHED, label="held force, on the way out")
+    axes.plot(into, into, color=BLACK, linestyle=DOTTED, label="force of a real spring")
+    axes.set(xlabel="depth in the wall [mm]", ylabel="force on the hand [N]", title="A sampled wall, in and out")
+
+
+def given(axes):
+    """Energy that the hand has gained when it is out of that wall."""
+    depth, damping = pressed(1e-4), np.linspace(0.0, 1.0, 41)
+    held = -1000.0 * depth[:-1]
+    energy = [sum(energy_booked(*hold, b, 1e-3) for hold in zip(held, np.diff(depth), strict=True)) for b in damping]
+    axes.plot(damping, 1e3 * np.array(energy), color=BLUE, label="in and out at 0.1 m/s")
+    axes.axhline(0.0, color=BLACK, linewidth=0.8)
+    axes.axvline(0.5, color=VERMILION, linestyle=DASHED, label="KT/2 = 0.5 N s/m")
+    axes.set(xlabel="physical damping b [N s/m]", ylabel="energy given to the hand [mJ]", xlim=(0.0, 1.0))
+    axes.set_title("Physical damping takes it back")
 
 
 def demand(axes):
     """Right-hand side of (1) over frequency; its peak is the damping needed."""
     angle = np.linspace(1e-3, np.pi, 600)
-    looks = ((BLUE, SOLID), (ORANGE, DASHED), (GREEN, MIXED), (VERMILION, SOLID), (BLACK, DOTTED))
+    looks = ((BLUE, SOLID), (ORANGE, DASHED), (GREEN, MIXED), (VERMILION, LONG), (BLACK, DOTTED))
     cases = ((0.0, 0), (0.25, 0), (-0.25, 0), (0.25, 1), (0.25, 5))
     for (damping, samples), (colour, dashes) in zip(cases, looks, strict=True):
         wall = wall_transfer(1.0, damping, 1.0, delay_samples=samples)
@@ -158,7 +200,7 @@ def demand(axes):
         peak = wall_damping_needed(1.0, damping, 1.0, delay_samples=samples)
         axes.plot(peak.frequency, peak.damping, "o", color=colour)
     axes.set(xlabel="frequency ωT [rad]", ylabel="damping needed b/(KT)", ylim=(-1.5, 6.0))
-    axes.set_title("Condition (1): the dot says how much")
+    axes.set_title("Condition (1); dot: its maximum")
 
 
 def delay(axes):
@@ -171,7 +213,7 @@ def delay(axes):
         axes.plot(whole, delayed_wall_damping(1.0, damping, 1.0, whole), "o", color=colour)
     closed = fractionally_delayed_spring_damping(1.0, 1.0, late[::10])
     axes.plot(late[::10], closed, "k+", label="closed form, B = 0", zorder=3)
-    axes.plot(late, 0.5 + late, color=BLACK, linestyle=DOTTED, label="K (T/2 + delay): not enough")
+    axes.plot(late, 0.5 + late, color=BLACK, linestyle=DOTTED, label="K (T/2 + delay), too small")
     axes.set(xlabel="delay of the force [T]", ylabel="damping needed b/(KT)", title="A force that acts late")
 
 
@@ -185,7 +227,7 @@ def late_coupling(axes):
             look = {"linestyle": dashes, "color": colour, "marker": mark, "markevery": 40, "markersize": 4}
             axes.plot(late, asked, **look, label=f"{what}, B = {damping:g} KT")
     axes.set(xlabel="delay of the force [T]", ylabel="damping needed b/(KT)")
-    axes.set_title("Late forces: a coupling asks for more than a wall")
+    axes.set_title("Late force: wall and coupling")
 
 
 def negative(axes):
@@ -193,14 +235,14 @@ def negative(axes):
     damping = np.linspace(-0.49, 0.4, 300)
     wall, coupling = wall_damping(1.0, damping, 1.0), wall_damping_for_any_simulation(1.0, damping, 1.0)
     axes.fill_between(damping, wall, coupling, color=VERMILION, alpha=0.2, label="enough for a wall only")
-    axes.plot(damping, coupling, color=VERMILION, label="coupling: (KT/2)²/(KT/2 + B) for B < 0")
-    axes.plot(damping, wall, color=BLUE, linestyle=DASHED, label="wall; in the paper coupling too: KT/2 + |B|")
+    axes.plot(damping, coupling, color=VERMILION, label="coupling, B < 0: (KT/2)²/(KT/2 + B)")
+    axes.plot(damping, wall, color=BLUE, linestyle=DASHED, label="wall: KT/2 + |B|")
     points = np.array([-0.4, -0.3, -0.2, -0.1, 0.0, 0.2])
     axes.plot(points, [mu_threshold(value) for value in points], "ko", markersize=4, label="threshold of the μ test")
     for needed, below in ((wall_damping, 16), (wall_damping_for_any_simulation, -4)):
         need = needed(1.0, -0.3, 1.0)
         axes.annotate(f"{need:.3g}", (-0.3, need), xytext=(6, -below), textcoords="offset points")
-    axes.axvline(-0.5, color=BLACK, linewidth=0.8, linestyle=DOTTED, label="no b is enough from here on")
+    axes.axvline(-0.5, color=BLACK, linewidth=0.8, linestyle=DOTTED, label="limit: no b is enough")
     axes.set(xlabel="virtual damping B/(KT)", ylabel="damping needed b/(KT)", ylim=(0.0, 3.0), xlim=(-0.55, 0.4))
     axes.set_title("Negative damping on a coupling")
 
@@ -210,20 +252,20 @@ def drawn(axes):
     b, ticks = np.linspace(0.6, 1.4, 161), np.arange(60.0)
     energy = [energy_generated_over_horizon(1.0, -0.3, value, 1.0, ticks) for value in b]
     positive = np.where(np.array(energy) > 0.0, energy, np.nan)
-    axes.semilogy(b, positive, color=BLACK, label="energy drawn, with a passive simulation in step")
-    axes.axvline(0.8, color=BLUE, linestyle=DASHED, label="the paper's form, KT/2 + |B|")
-    axes.axvline(1.25, color=VERMILION, label="(KT/2)²/(KT/2 + B): nothing is drawn from here on")
+    axes.semilogy(b, positive, color=BLACK, label="energy drawn")
+    axes.axvline(0.8, color=BLUE, linestyle=DASHED, label="KT/2 + |B|, as in the paper")
+    axes.axvline(1.25, color=VERMILION, label="(KT/2)²/(KT/2 + B)")
     axes.set(xlabel="physical damping b/(KT)", ylabel="energy drawn / (K path²)", xlim=(b[0], b[-1]))
-    axes.set_title("B = −0.3 KT: what the worst 60 ticks draw")
+    axes.set_title("Worst path of 60 ticks, B = −0.3 KT")
 
 
 def switch(axes):
     """What cancelling damping costs the wall."""
     share = np.linspace(0.0, 0.99, 200)
     outside = switched_cancellation_damping(1.0, 0.0, 1.0, share)
-    axes.plot(share, 0.5 / (1.0 - share), color=VERMILION, label="cancelled inside the wall too")
+    axes.plot(share, 0.5 / (1.0 - share), color=VERMILION, linestyle=MIXED, label="cancelled inside the wall too")
     axes.plot(share, outside, color=BLUE, label="cancelled outside the wall only")
-    axes.plot(share, 1.0 / (2.0 - share), color=BLACK, linestyle=DASHED, label="1/(2 − ρ): simpler, and enough")
+    axes.plot(share, 1.0 / (2.0 - share), color=BLACK, linestyle=DASHED, label="1/(2 − ρ), an upper bound")
     axes.set(xlabel="share ρ of b that is cancelled", ylabel="damping needed b/(KT)", ylim=(0.4, 2.2))
     axes.set_title("Damping cancelled up to the wall, B = 0")
 

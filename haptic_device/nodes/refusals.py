@@ -8,7 +8,7 @@ ADVICE = {
     exchange_samples.OTHER_METHOD: "set exchange.method alike on driver and simulation",
     exchange_samples.OTHER_GAINS: "the gains differ from those that the driver couples with",
     exchange_samples.SECOND_SENDER: "end one of the two, or give it another namespace",
-    exchange_samples.OTHER_NAMES: "the axes, in order, and the tail of docs/theory/model.md are wanted",
+    exchange_samples.OTHER_NAMES: "the axes, in order, and the tail of docs/reference/topics.md are wanted",
 }
 ORDINARY = (exchange_samples.REFUSALS[exchange_samples.OLD],)  # late and repeated messages are a network's daily life
 

@@ -9,7 +9,7 @@ import re
 import sys
 from pathlib import Path
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "safety.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs/theory/safety.md"
 HEADS = {
     "event": "event",
     "runs": "runs",

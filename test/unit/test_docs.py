@@ -21,6 +21,7 @@ from haptic_sim.config_problems import problems
 from haptic_sim.node import simulation
 
 ROOT = Path(__file__).parents[2]
+TOPICS = ROOT / "docs/reference/topics.md"
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 README = ROOT / "README.md"
 MODEL, PLATFORM, CLI = (ROOT / f"docs/{name}.md" for name in ("theory/model", "reference/platform", "reference/cli"))
@@ -41,11 +42,11 @@ def test_the_trace_table_lists_each_column_in_order_with_its_width():
         (name, int(records.TRACE_ROW[name].shape[0]) if records.TRACE_ROW[name].shape else 1)
         for name in records.TRACE_ROW.names
     ]
-    assert [(name, int(width)) for name, width, *_ in rows(MODEL, "Columns of `trace`")] == widths
+    assert [(name, int(width)) for name, width, *_ in rows(TOPICS, "Columns of `trace`")] == widths
 
 
 def test_the_tail_table_lists_each_entry_in_order():
-    assert tuple(row[0] for row in rows(MODEL, "Tail of `handle` and `tool`")) == TAIL
+    assert tuple(row[0] for row in rows(TOPICS, "Tail of `handle` and `tool`")) == TAIL
 
 
 def test_the_fault_table_is_that_of_the_law():
@@ -57,18 +58,18 @@ def test_the_method_table_lists_each_exchange_method_in_order():
 
 
 def test_each_recorded_topic_stands_in_the_topic_table_with_its_type():
-    types = {row[0]: row[1] for row in rows(MODEL, "Topics")}
+    types = {row[0]: row[1] for row in rows(TOPICS, "Topics")}
     known = {topic: kind.replace("/msg/", "/") for topic, kind in recorded_topics.KNOWN.items()}
     assert {topic: types.get(topic) for topic in known} == known
 
 
 def test_states_of_the_driver_are_numbered_as_in_the_law():
-    meaning = {row[0]: row[3] for row in rows(MODEL, "Columns of `trace`")}["state"]
+    meaning = {row[0]: row[3] for row in rows(TOPICS, "Columns of `trace`")}["state"]
     assert meaning == ", ".join(f"{number} {name}" for number, name in enumerate(enable_state.STATES))
 
 
 def test_each_service_of_a_node_stands_in_the_service_table():
-    services = set(re.findall(r"^\| `(haptic_\w+/\w+)`", MODEL.read_text(encoding="utf-8"), re.MULTILINE))
+    services = set(re.findall(r"^\| `(haptic_\w+/\w+)`", TOPICS.read_text(encoding="utf-8"), re.MULTILINE))
     for node, module in {"haptic_driver": driver, "haptic_simulation": simulation}.items():
         text = Path(module.__file__).read_text(encoding="utf-8")
         names = re.findall(r"def _on_(\w+)\(self, request, response\)", text)
@@ -164,9 +165,9 @@ def test_the_small_tables_of_the_readme_are_rows_of_the_long_ones():
     assert all(row in measured for row in rows(README, "Speed against error"))
 
 
-def test_the_policy_for_sros2_names_every_topic_of_the_model_and_nothing_else():
+def test_the_policy_for_sros2_names_every_topic_of_the_table_and_nothing_else():
     policy = ElementTree.parse(ROOT / "docs/reference/sros2/policy.xml")
     named = {topic.text for topic in policy.iter("topic")}
-    assert named == {row[0] for row in rows(MODEL, "Topics")} - {"/parameter_events"}
+    assert named == {row[0] for row in rows(TOPICS, "Topics")} - {"/parameter_events"}
     for included in policy.iter("{http://www.w3.org/2001/XInclude}include"):
         assert ElementTree.parse(ROOT / "docs/reference/sros2" / included.get("href")).getroot().tag == "profile"
