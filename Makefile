@@ -90,7 +90,7 @@ docs: setup
 	$(BIN)/haptic docs --faults --out docs/reference/faults.md
 
 site: setup
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	@echo "site: open site/index.html"
 
 clean:

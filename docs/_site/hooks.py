@@ -45,3 +45,10 @@ def on_config(config):
     """MkDocs: a formula that is not understood ends the build."""
     config.markdown_extensions.append(Maths())
     return config
+
+
+def on_post_page(output, **_):
+    """MkDocs: the theme's dialog of the search gets a name, which screen readers say."""
+    return output.replace(
+        'data-md-component="search" role="dialog"', 'data-md-component="search" role="dialog" aria-label="Search"'
+    )
