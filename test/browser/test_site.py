@@ -14,7 +14,7 @@ from axe_playwright_python.sync_playwright import Axe
 
 ROOT = Path(__file__).parents[2]
 COLOURED = ("index.html", "theory/passivity.html", "reference/cli.html", "reference/scene_language.html")
-EMPTY = {"config": {"lang": ["en"], "separator": " ", "pipeline": []}, "docs": []}  # an index of the search
+EMPTY = {"config": {"fields": {}, "lang": ["en"], "separator": " ", "pipeline": []}, "docs": []}  # index of the search
 COLOURS = ("color-contrast", "link-in-text-block")  # rules that take a second a page
 SHOWN = """() => ({
     links: [...document.querySelectorAll("a[href]")].map((link) => link.href),
