@@ -13,7 +13,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 
 ROOT = Path(__file__).parents[2]
-COLOURED = ("index.html", "theory/passivity.html", "reference/cli.html", "reference/scene_language.html")
+COLOURED = ("index.html", "theory/passivity.html", "reference/cli.html", "reference/api/theory.html")
 EMPTY = {"config": {"fields": {}, "lang": ["en"], "separator": " ", "pipeline": []}, "docs": []}  # index of the search
 COLOURS = ("color-contrast", "link-in-text-block")  # rules that take a second a page
 SHOWN = """() => ({
