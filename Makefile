@@ -14,7 +14,7 @@ unexport PYTHONPATH PYTHONHOME LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTAT
 # Each of the many processes would read all sources again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup check demo test soak bench published test-browser docs clean
+.PHONY: help setup check demo test soak bench published test-browser docs site clean
 
 help:
 	@echo "make setup   create .venv with everything (no root needed)"
@@ -25,7 +25,8 @@ help:
 	@echo "make bench   measurements in their short form, and the table of docs/benchmarks/performance.md made of them"
 	@echo "make published   results of others beside ours; fails if one is out of its tolerance"
 	@echo "make docs    write docs/reference/parameters.md and docs/reference/faults.md from the code"
-	@echo "make test-browser   the page in a real Chromium; as root it installs one if there is none"
+	@echo "make site    these documents as a site in site/; open site/index.html"
+	@echo "make test-browser   the page and the site in a real Chromium; as root it installs one if there is none"
 	@echo "make clean   remove .venv and everything built"
 
 setup: $(READY)
@@ -92,5 +93,9 @@ docs: setup
 	$(BIN)/haptic docs --out docs/reference/parameters.md
 	$(BIN)/haptic docs --faults --out docs/reference/faults.md
 
+site: setup
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+	@echo "site: open site/index.html"
+
 clean:
-	rm -rf $(VENV) build install log dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) build install log dist site *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis .import_linter_cache

@@ -26,6 +26,11 @@ BROWSER = [
     "axe-playwright-python>=0.1.4",
     "playwright>=1.50",
 ]
+DOCS = [
+    "latex2mathml>=3.79",
+    "mkdocs-material>=9.7",
+    "mkdocstrings[python]>=1.0",
+]
 MAKERS = ["HaplyHAPI>=1.0.1", "moteus>=1.1"]  # the makers' own clients, which tests compare the links with
 NOTEBOOKS = ["marimo>=0.25"]
 TEST = [
@@ -35,6 +40,7 @@ TEST = [
     "import-linter>=2.3",
     "mypy>=1.15",
     *DATAFRAME,
+    *DOCS,
     *MAKERS,
     *NOTEBOOKS,
     *SWEEP,
@@ -108,6 +114,7 @@ setup(
         "bench": BENCH,
         "browser": BROWSER,
         "dataframe": DATAFRAME,
+        "docs": DOCS,
         "makers": MAKERS,
         "notebooks": NOTEBOOKS,
         "ros": ROS,

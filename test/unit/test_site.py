@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The site of the documents: it is built without a warning, and its formulas are typeset or refused."""
+
+import importlib.util
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+for library in ("latex2mathml", "material", "mkdocstrings"):
+    pytest.importorskip(library)
+markdown = pytest.importorskip("markdown")
+
+ROOT = Path(__file__).parents[2]
+_SPEC = importlib.util.spec_from_file_location("hooks", ROOT / "docs" / "_site" / "hooks.py")
+hooks = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(hooks)
+
+
+def page(text):
+    """HTML of a page."""
+    finding = {"pymdownx.arithmatex": {"generic": True}}
+    return markdown.markdown(text, extensions=["pymdownx.arithmatex", hooks.Maths()], extension_configs=finding)
+
+
+def test_the_site_is_built_without_a_warning(tmp_path):
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path)]
+    quiet = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
+    done = subprocess.run(command, cwd=ROOT, env=quiet, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "index.html").exists()
+    assert not (tmp_path / "_site").exists()
+
+
+def test_a_formula_in_a_line_and_one_on_its_own_become_mathml():
+    line, block = page(r"Damping $b > \frac{KT}{2}$ is enough."), page("$$\nb > |B|\n$$")
+    assert "<mfrac><mrow><mi>K</mi><mi>T</mi></mrow><mrow><mn>2</mn></mrow></mfrac>" in line
+    assert '<math display="inline"' in line and '<math display="block"' in block
+    assert "$" not in line + block
+
+
+def test_dollars_in_code_and_prices_stay():
+    assert "<math" not in page("`echo $HOME or $USER` costs $5 and $6.")
+
+
+@pytest.mark.parametrize(
+    ("formula", "what"),
+    [
+        (r"\fraq{1}{2}", r"\\fraq"),
+        (r"\frac{1}", "mfrac"),
+        (r"\sqrt{x", "a brace"),
+        (r"x}", "a brace"),
+        (r"x^", "MissingSuperScript"),
+        (r"\left( x", "ExtraLeft"),
+    ],
+)
+def test_a_formula_that_is_not_understood_ends_the_build(formula, what):
+    with pytest.raises(ValueError, match=what):
+        page(f"so ${formula}$ holds")
+
+
+def test_braces_that_are_shown_need_no_partner():
+    assert hooks.mathml(r"\{x, y", "inline").tag == "math"
