@@ -8,7 +8,8 @@
 * python without a title: a script.
 * any language with title="a.yaml": that file.
 
-Any other block is refused. `python test/tutorials.py PAGE` runs a page and shows what its commands print.
+Any other block is refused. Displays are patient (patient.yaml) with a machine that the tests keep busy.
+`python test/tutorials.py PAGE` runs a page and shows what its commands print.
 """
 
 import contextlib
@@ -20,6 +21,7 @@ import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
+import patient
 import psutil
 import waiting
 
@@ -81,8 +83,9 @@ class Shell:
         self._kept, self._count, self._background, self._begun = kept, 0, [], 0
         self._terminal = kept / "terminal"
         self._terminal.touch()
-        programs = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-        environment = {**os.environ, "PATH": programs, "MPLBACKEND": "Agg"}
+        patient.write_programs(kept / "programs")
+        programs = [str(kept / "programs"), str(Path(sys.executable).parent), os.environ["PATH"]]
+        environment = {**os.environ, "PATH": os.pathsep.join(programs), "MPLBACKEND": "Agg"}
         bash = ["bash", "--noprofile", "--norc", "-m"]  # -m: what runs in the background hears SIGINT
         files = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "text": True}
         self._bash = subprocess.Popen(bash, **files, cwd=folder, env=environment, start_new_session=True)
