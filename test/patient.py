@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`python test/patient.py PROGRAM …` is haptic, haptic_driver or haptic_loopback with patient.yaml behind what it gets."""
+"""What pages use, made patient with a machine that tests keep busy: programs, and the example of a device.
+
+`python test/patient.py PROGRAM …` is haptic, haptic_driver or haptic_loopback with patient.yaml behind what it is given.
+"""
 
 import os
+import shutil
 import sys
 from pathlib import Path
 
 from haptic_device.config_files import find
 
+FIRMWARE = Path(__file__).parents[1] / "firmware"
+WATCHDOG, LONGER = "WATCHDOG INT64_C(15000000)", "WATCHDOG INT64_C(500000000)"  # [ns] of the example of a device
 BEHIND = Path(__file__).with_suffix(".yaml")
 PROGRAMS = ("haptic", "haptic_driver", "haptic_loopback")
 
@@ -18,6 +24,15 @@ def write_programs(folder):
         program = folder / name
         program.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{__file__}" {name} "$@"\n')
         program.chmod(0o755)
+
+
+def write_firmware(folder):
+    """A copy of firmware/ as in the folder of the sources, where a page begins."""
+    shutil.copytree(FIRMWARE, folder / "firmware")
+    example = folder / "firmware/examples/own_device.c"
+    text = example.read_text(encoding="utf-8")
+    assert WATCHDOG in text
+    example.write_text(text.replace(WATCHDOG, LONGER), encoding="utf-8")
 
 
 def _words(program, words):

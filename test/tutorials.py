@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs a page of docs as its reader does: every fenced block, in order, in one shell and one folder.
 
+The folder holds what a page may use of the folder of the sources: firmware.
+
 * sh: commands, one a line. One that ends in & runs on until the page ends. One with `# refused` behind it must fail;
   all others must not. In `ROS_DOMAIN_ID=7` the number is replaced by the domain of the test.
 * text, behind sh or python: each of its lines is found, in this order, in what that block printed, stdout and stderr
@@ -139,6 +141,7 @@ class Shell:
 def run(page, folder, domain, shell_type=Shell):
     """Executes the blocks of the text of a page in this empty folder; AssertionError where one is not as it says."""
     with tempfile.TemporaryDirectory() as kept:
+        patient.write_firmware(folder)
         shell, before = shell_type(folder, Path(kept)), None
         try:
             for block in blocks(page):
