@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What pages use, made patient with a machine that tests keep busy: programs, and the example of a device.
 
-`python test/patient.py PROGRAM …` is haptic, haptic_driver or haptic_loopback with patient.yaml behind what it is given.
+`python test/patient.py PROGRAM …` is haptic, haptic_driver or haptic_loopback with patient.yaml behind its parameters.
 """
 
 import os
