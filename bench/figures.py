@@ -50,7 +50,7 @@ LATE = Display(0.0, 1.0, 0.5, 1e-3, mass=0.1, delay_samples=1.0)
 LATENESS = 1e-4  # s
 LONG = (0, (9, 3))
 READABLE = {"font.size": 12.0, "axes.titlesize": 13.0}  # also where the page shows a picture at half its size
-SHOTS = ("peg", "nut", "fault_position", "wall_at_hand", "task_dark", "phone")
+SHOTS = ("peg", "fault_position", "wall_at_hand")
 
 
 def main(folder: Annotated[Path, typer.Argument(show_default="docs")] = ROOT / "docs") -> None:
