@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What pages use, made patient with a machine that tests keep busy: programs, and the example of a device.
 
-`python test/patient.py PROGRAM …` is haptic, haptic_driver or haptic_loopback with patient.yaml behind its parameters;
-`haptic get` and `haptic set` ask again where no answer comes.
+`python test/patient.py PROGRAM …` is haptic, haptic_driver or haptic_loopback with patient.yaml behind its parameters.
 """
 
 import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
@@ -16,7 +14,6 @@ from haptic_device.config_files import find
 FIRMWARE = Path(__file__).parents[1] / "firmware"
 WATCHDOG, LONGER = "WATCHDOG INT64_C(15000000)", "WATCHDOG INT64_C(500000000)"  # [ns] of the example of a device
 BEHIND = Path(__file__).with_suffix(".yaml")
-TRIALS = 10  # of a question to a node
 PROGRAMS = ("haptic", "haptic_driver", "haptic_loopback")
 
 
@@ -54,21 +51,8 @@ def _words(program, words):
     return [*words, "--params", str(patient)]
 
 
-def _asked(command):
-    """Runs a command that asks a node, again where the node was too busy to answer; its exit code."""
-    for _ in range(TRIALS):
-        done = subprocess.run(command, capture_output=True, text=True)
-        if "did not answer" not in done.stderr:
-            break
-    print(done.stdout, end="", flush=True)
-    print(done.stderr, end="", file=sys.stderr)
-    return done.returncode
-
-
 def _main(name, *words):
     command = [str(Path(sys.executable).with_name(name)), *_words(name, list(words))]
-    if name == "haptic" and words[:1] in (("get",), ("set",)):
-        sys.exit(_asked(command))
     os.execv(command[0], command)
 
 

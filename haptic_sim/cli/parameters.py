@@ -20,6 +20,7 @@ from haptic_sim.cli.words import next_step, shown_path
 from haptic_sim.supervision.processes import NAMESPACE, parameter_text
 
 LISTENING = 2.0  # [s] in which nodes that are there are found
+PATIENCE = 15.0  # [s] for the answer of a node that is there: it may be starting
 OF_A_START = {"autostart", "bag"}  # parameters that whoever starts a node gives
 Node = Annotated[str, typer.Argument(help="Name of the node, such as haptic_driver.", autocompletion=node_name)]
 Domain = Annotated[int | None, whole("--domain", 0, 232, help="ROS domain [ROS_DOMAIN_ID, or 0].")]
@@ -38,8 +39,8 @@ def set_value(
     with _client(domain, namespace) as client:
         from haptic_sim.service_requests import get_parameters, set_parameters
 
-        client.call(set_parameters(node, {name: wanted}))
-        print(text_of(client.call(get_parameters(node, [name]))[name]))
+        _asked(client, set_parameters(node, {name: wanted}))
+        print(text_of(_asked(client, get_parameters(node, [name]))[name]))
 
 
 def get(
@@ -100,12 +101,21 @@ def _client(domain: int | None, namespace: str) -> Iterator:
         yield client
 
 
+def _asked(client, question) -> Any:
+    """What the answer means. A node that nobody sees is said sooner than one that does not answer."""
+    end = time.monotonic() + LISTENING
+    while not client.service(question.service).ready and time.monotonic() < end:
+        client.look()
+        time.sleep(0.02)
+    return client.call(question, **({"patience": PATIENCE} if client.service(question.service).ready else {}))
+
+
 def _values(client, node: str) -> dict[str, Any]:
     """{name: value} of a node's parameters in the order of their declaration, without those of ROS."""
     from haptic_sim.service_requests import get_parameters, list_parameters
 
-    names = [name for name in client.call(list_parameters(node)) if not ROS_OWN.fullmatch(name)]
-    return client.call(get_parameters(node, names))
+    names = [name for name in _asked(client, list_parameters(node)) if not ROS_OWN.fullmatch(name)]
+    return _asked(client, get_parameters(node, names))
 
 
 def _nodes(client) -> list[str]:
