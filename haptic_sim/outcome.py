@@ -2,10 +2,8 @@
 """What came of a run: its figures from the bag, and whether its job was done."""
 
 import math
-from itertools import chain, pairwise
+from itertools import pairwise
 from statistics import median
-
-import numpy as np
 
 from haptic_device.analysis.report.summary import (
     GOALS,
@@ -16,6 +14,7 @@ from haptic_device.analysis.report.summary import (
     exchange_figures,
     faults,
     first_command,
+    greatest_results,
     late_samples,
     residual_figures,
     results,
@@ -23,10 +22,12 @@ from haptic_device.analysis.report.summary import (
     waited_time,
     withheld_figures,
 )
+from haptic_device.digits import plain
 from haptic_device.recording.bag_contents import Recording
 from haptic_device.status import number
 from haptic_sim.exchange.left_out_time import CHEAPER, NOTICED, QUIETER, SHARE, takes
 from haptic_sim.fault_sentence import FAULTS, what_to_do
+from haptic_sim.scene.language import Task
 
 ANSWERED = 0.9  # of the handle samples sent, for scenes without a goal of their own
 LATE = 0.01  # share of the samples that may come late without a word
@@ -55,7 +56,7 @@ def figures(recording: Recording, started: float, lossy: bool = False) -> dict:
         "contact": contact_figures(recording, rows),
         "residual": residual_figures(recording, rows),
         "result": results(simulation),
-        "result_greatest": _greatest(recording),
+        "result_greatest": greatest_results(recording),
         "faults": faults(recording),
         "startup_s": first_command(recording.trace) - started,
     }
@@ -64,7 +65,7 @@ def figures(recording: Recording, started: float, lossy: bool = False) -> dict:
 def nothing() -> dict:
     """The same keys for a run that left no figures."""
     none = {**dict.fromkeys(_NOTHING), "residual": None}
-    return {"seconds": 0.0, "late": "", **none, "result": {}, "result_greatest": {}, "faults": []}
+    return {"seconds": 0.0, "late": "", **none, "result": {}, "result_greatest": {}, "task": None, "faults": []}
 
 
 def late(servo: dict, driver: dict[str, str]) -> str:
@@ -119,6 +120,21 @@ def not_done(found: dict, unended: str = "", share: float = ANSWERED) -> str:
     return unended or _unanswered(share=share, **found["exchange"])
 
 
+def task_of(task: Task | None, found: dict) -> str | None:
+    """How far the task of the scene came at its best: "done", or what fell short; None where there is none."""
+    if task is None or not found["exchange"]:
+        return None
+    greatest, felt = found["result_greatest"], (found["contact"] or {}).get("max_on_hand_n")
+    came = [(name, "", greatest.get(name, math.nan), share) for name, share in task.done.items()]
+    came += [] if task.force is None else [("force on the hand", "N", math.nan if felt is None else felt, task.force)]
+    short = [
+        f"{name} came to {plain(value, unit)}; {plain(least, unit)} is needed"
+        for name, unit, value, least in came
+        if not value >= least
+    ]
+    return f"not done: {', '.join(short)}" if short else "done"
+
+
 def _unanswered(sent: int, answered: int, share: float, **_) -> str:
     least = max(1, math.ceil(share * sent))
     return "" if answered >= least else f"{answered} of {sent} handle samples were answered, and {least} are the least"
@@ -133,13 +149,3 @@ def _load(recording: Recording) -> float:
     grown = [load for (_, before), (load, waited) in pairwise(said) if waited > before and not math.isnan(load)]
     known = grown or [load for load, _ in said if not math.isnan(load)]
     return median(known) if known else math.nan
-
-
-def _greatest(recording: Recording) -> dict[str, float]:
-    """The greatest value of each result over the run: of every state that the simulation has shown, and its status."""
-    found = [results(status.values) for status in recording.statuses("haptic_simulation")]
-    if state := recording.joints.get("scene/state"):
-        shown = {name.removeprefix("result."): name for name in state.names if name.startswith("result.")}
-        values = {short: state.entry(name) for short, name in shown.items()}
-        found += [{short: float(np.nanmax(column)) for short, column in values.items() if not np.isnan(column).all()}]
-    return {name: max(said[name] for said in found if name in said) for name in dict.fromkeys(chain(*found))}

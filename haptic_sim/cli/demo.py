@@ -226,11 +226,12 @@ def _say_next(order: Order, found: dict) -> None:
 
 def _conclude(order: Order, found: dict, unended: str, wrong: list[str], as_json: bool) -> bool:
     from haptic_sim.cli.tables import print_outcome
-    from haptic_sim.outcome import ANSWERED, not_done, nothing
+    from haptic_sim.outcome import ANSWERED, not_done, nothing, task_of
+    from haptic_sim.scene.language import load
 
     bag = order.out / "bag"
     found = nothing() | found
-    found["faults"] = found["faults"] + wrong
+    found["faults"], found["task"] = found["faults"] + wrong, task_of(load(order.scene).task, found)
     why = not_done(found, unended, 0.0 if order.relay else ANSWERED)
     said = [why or unended, (found["exchange"] or {}).get("cause"), found["late"]]
     if found["exchange"] and not as_json:  # what stands below the table is said there

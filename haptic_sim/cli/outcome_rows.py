@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from haptic_device.control.withheld import TABLE
-from haptic_device.digits import amount, plain
+from haptic_device.digits import amount
 
 FIGURES = {  # key: (words, scale to the unit, unit)
     "seconds": ("length of the run", 1.0, "s"),
@@ -53,7 +53,7 @@ def rows(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield words, _text(value, scale, unit)
     for name, last in found["result"].items():
         greatest = found["result_greatest"].get(name, last)
-        yield name.replace("_", " "), f"last {plain(last)}, greatest {plain(greatest)}"
+        yield name.replace("_", " "), f"last {amount(last, '')}, greatest {amount(greatest, '')}"
 
 
 def _flat(found, prefix=""):

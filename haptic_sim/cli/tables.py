@@ -20,6 +20,8 @@ from haptic_sim.cli.words import console, print_sentence
 def print_outcome(found: dict) -> None:
     """Prints the figures as a table on standard output, and why the job was not done; without figures neither."""
     title = f"{found['scene']}: {'done' if found['done'] else 'NOT done'}"
+    if found["done"] and (found.get("task") or "done") != "done":
+        title = f"{found['scene']}: the run is complete, the task is not done"
     if found["exchange"]:
         table = Table("figure", "value", title=Text(title))
         for words, value in rows(found):

@@ -21,6 +21,8 @@ FREE = -math.inf, math.inf
 
 
 def _about_zero(limits: tuple[float, float]) -> tuple[float, float]:
+    if limits[0] > limits[1]:
+        raise ValueError("the smaller limit stands first")
     if not limits[0] <= 0.0 <= limits[1]:
         raise ValueError("must enclose 0, which is where the joint starts")
     return limits

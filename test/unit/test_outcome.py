@@ -14,6 +14,7 @@ from haptic_device.status import Status
 from haptic_sim import outcome
 from haptic_sim.cli import demo, tables
 from haptic_sim.exchange.left_out_time import CHEAPER, QUIETER, SHARE
+from haptic_sim.scene.language import Task
 from haptic_sim.supervision.system import Order, Relay
 
 SERVO = {"lateness_us": {"p50": 8.0, "p99": 321.0, "max": 4567.0}, "missed": 12}
@@ -137,3 +138,27 @@ def test_samples_that_come_late_are_said_beyond_one_in_a_hundred(late, margin, w
     )
     assert bool(said) == bool(words) and all(word in said for word in words)
     assert ("2 ms" in said) == (margin == "-1.5")
+
+
+@pytest.mark.parametrize(
+    ("greatest", "felt", "said"),
+    [
+        ({"pressed": 0.9}, 2.0, "done"),
+        ({"pressed": 0.899}, 2.0, "not done: pressed came to 0.899; 0.9 is needed"),
+        ({"pressed": 0.9}, 1.99, "not done: force on the hand came to 1.99 N; 2 N is needed"),
+        ({}, None, "not done: pressed came to —; 0.9 is needed, force on the hand came to —; 2 N is needed"),
+    ],
+)
+def test_a_task_is_done_where_its_best_reaches_what_it_asks_for(greatest, felt, said):
+    task = Task(title="Press", goal="Press it.", done={"pressed": 0.9}, force=2.0)
+    found = {"exchange": {"sent": 1}, "result_greatest": greatest, "contact": {"max_on_hand_n": felt}}
+    assert outcome.task_of(task, found) == said
+    assert outcome.task_of(None, found) is None and outcome.task_of(task, outcome.nothing()) is None
+
+
+def test_a_run_whose_task_is_not_done_is_not_called_done(capsys, tmp_path):
+    found = {"exchange": {"sent": 10, "answered": 10, "cause": ""}, "result_greatest": {"turned": 0.1}}
+    order = Order("wrench_on_nut", None, tmp_path, None, None, tmp_path)
+    assert demo._conclude(order, found, "", [], False)
+    said = capsys.readouterr().out
+    assert "the run is complete, the task is not done" in said and "turned came to 0.1; 0.95 is needed" in said

@@ -5,6 +5,7 @@ import bag_of_a_run
 import pytest
 from bag_of_a_run import SAID, joints, swing, write_run
 
+from haptic_device.analysis.report import summary
 from haptic_device.analysis.report.reading import read_run
 from haptic_device.analysis.report.verdict import BAD, GOOD, WARN, verdict
 from haptic_device.control import faults, withheld
@@ -63,6 +64,12 @@ def test_a_measure_that_is_no_goal_is_told_and_judged_not(judged, monkeypatch):
     monkeypatch.setitem(SAID, "result.pressed", "-0.001")
     found = judged()
     assert found.level == GOOD and found.ending == "No fault. Pressed 0 % at the end."
+
+
+def test_the_greatest_value_of_a_measure_is_told_where_it_is_not_the_last(judged, monkeypatch):
+    monkeypatch.setattr(summary, "greatest_results", lambda recording: {"pressed": 0.99})
+    monkeypatch.setitem(SAID, "result.pressed", "0.1")
+    assert judged().ending == "No fault. Pressed 10 % at the end, 99 % at most."
 
 
 @pytest.mark.parametrize(("most", "level"), [(0.99e-6, GOOD), (1.01e-6, WARN)])

@@ -138,6 +138,7 @@ SENTENCES = [
     (("joints", 0, "axis"), [1, 0], ["joints[0]: has no key 'axis'", "known here are", "friction_torque"]),
     (("joints", 0, "limit"), [-1, 1], ["joints[0]: has no key 'limit'", "did you mean 'limits'"]),
     (("joints", 0, "limits"), [0.5, 1], ["joints[0].limits is [0.5, 1]", "must enclose 0"]),
+    (("joints", 0, "limits"), [0.0, -0.4], ["joints[0].limits is [0.0, -0.4]", "the smaller limit stands first"]),
     (("joints", 0, "friction_torque"), -1, ["joints[0].friction_torque is -1", "greater than or equal to 0"]),
     (("joints", 0, "motor"), {"speed": 1, "max_torque": 0}, ["joints[0].motor.max_torque is 0", "0 N m"]),
     (("joints", 0, "motor"), {"speed": 1, "max_force": 2}, ["joints[0].motor: has no key 'max_force'", "'max_torque'"]),

@@ -4,7 +4,7 @@
 All figures are of the ticks with the motor engaged (`engage` > 0).
 """
 
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Any
 
 import numpy as np
@@ -192,6 +192,16 @@ def results(values: dict[str, str]) -> dict[str, float]:
     """{measure: fraction} of what the scene measures, in the values of a status of the simulation."""
     said = {key.removeprefix("result."): number(value) for key, value in values.items() if key.startswith("result.")}
     return {key: value for key, value in said.items() if not np.isnan(value)}
+
+
+def greatest_results(recording: Recording) -> dict[str, float]:
+    """The greatest value of each result over the run: of every state that the simulation has shown, and its status."""
+    found = [results(status.values) for status in recording.statuses("haptic_simulation")]
+    if state := recording.joints.get("scene/state"):
+        shown = {name.removeprefix("result."): name for name in state.names if name.startswith("result.")}
+        values = {short: state.entry(name) for short, name in shown.items()}
+        found += [{short: float(np.nanmax(column)) for short, column in values.items() if not np.isnan(column).all()}]
+    return {name: max(said[name] for said in found if name in said) for name in dict.fromkeys(chain(*found))}
 
 
 def late_samples(rows: Records) -> int | None:

@@ -91,10 +91,12 @@ def _title(name: str) -> str:
 
 
 def _job(run: Run) -> Findings:
+    greatest = summary.greatest_results(run.recording)
     for name, value in summary.results(run.recording.last_values("haptic_simulation")).items():
-        told = f"{name.replace('_', ' ')} {plain(round(100 * value))} %"
+        last, most = (plain(round(100 * one)) for one in (value, greatest.get(name, value)))
+        told = f"{name.replace('_', ' ')} {last} %"
         if name not in summary.GOALS:
-            yield GOOD, f"{told.capitalize()} at the end"
+            yield GOOD, f"{told.capitalize()} at the end" + (f", {most} % at most" if most != last else "")
         elif value >= summary.REACHED:
             yield GOOD, f"Job done: {told}"
         else:
