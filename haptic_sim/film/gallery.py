@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of all scenes: a picture and a short film of each, and what its simulation takes."""
 
+import math
 from collections.abc import Callable
+from html import escape
 from pathlib import Path
 
 from haptic_device.config_files import names
@@ -27,20 +29,20 @@ In the picture:
 * Circles are pins, squares are sliders. Green zigzags and spirals are springs; a dashed line is a damper alone.
 * Red arrows with a speed are motors, belts, and bodies that move at the start. The black arrow is gravity.
 
-In the film: the blue disc is the handle, a red dot is a contact, and its arrow is the force on the first of the two
-bodies. The numbers are the time and the force on the hand.
+In the film, the blue disc is the handle, and a purple dot is a contact. The arrow at a contact is the force on the
+first of the two bodies. The numbers are the time and the force on the hand. Scenes with a task come first.
 """
 
 
 def write_gallery(folder: Path, show: Callable[[int, str], None] = lambda done, what: None) -> None:
     """README.md, a PNG and a GIF of every scene; show(scenes done, what is next). OSError if they cannot be written."""
     folder.mkdir(parents=True, exist_ok=True)
-    sections, scenes = [HEAD], names("scenes")
-    for number, name in enumerate(scenes):
+    scenes = {name: load(name) for name in names("scenes")}
+    sections, ordered = [HEAD], sorted(scenes.items(), key=lambda each: each[1].task is None)
+    for number, (name, scene) in enumerate(ordered):
         show(number, name)
-        scene = load(name)
         save(scene, folder / f"{name}.png")
-        write_gif(film_of_scene(scene), folder / f"{name}.gif")
+        write_gif(film_of_scene(scene), folder / f"{name}.gif", math.inf)
         sections.append(_section(name, scene))
     show(len(scenes), "done")
     (folder / "README.md").write_text("\n".join(sections), encoding="utf-8")
@@ -48,5 +50,7 @@ def write_gallery(folder: Path, show: Callable[[int, str], None] = lambda done, 
 
 def _section(name: str, scene: Scene) -> str:
     rows = "\n".join(f"| {question} | {answer} |" for question, answer in explain(reduce_scene(scene)))
-    pictures = f"![{scene.description}, at the start]({name}.png)\n![{scene.description}, a film]({name}.gif)"
-    return f"## {name}\n\n{scene.description}.\n\n{pictures}\n\n| | |\n|---|---|\n{rows}\n"
+    picture = f"![{scene.description}, at the start]({name}.png)"
+    film = f'<img src="{name}.gif" loading="lazy" alt="{escape(scene.description)}, a film">'
+    film = f"<details{' open' if scene.task else ''}><summary>Film</summary>{film}</details>"
+    return f"## {name}\n\n{scene.description}.\n\n{picture}\n\n{film}\n\n| | |\n|---|---|\n{rows}\n"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""film.gif: the first contact of a film, or its beginning, for where no page can be shown."""
+"""A film as a GIF, for where no page can be shown."""
 
 import math
 from collections.abc import Sequence
@@ -14,11 +14,12 @@ from haptic_device.os_errors import naming
 from haptic_sim.film.clock import Array
 from haptic_sim.film.curves import HANDLE
 from haptic_sim.film.reading import Film
-from haptic_sim.scene.geometry import Outline, Point, Pose, turned
+from haptic_sim.scene.geometry import Outline, Point, Pose, thickness, turned
 from haptic_sim.scene.shapes import TOOL
 
 PERIOD = 0.08  # [s] of a picture, a whole number of the format's hundredths
-SECONDS = 5.76  # at most
+SECONDS = 5.76  # at most, unless more is asked for
+THIN = 3.0  # pixels: a body that is thinner is drawn wider
 BEFORE = 1.0  # [s] that are shown before the first contact
 SIZE = (480, 360)  # pixels
 FINER = 2  # drawn larger by this, then reduced: soft edges
@@ -27,20 +28,20 @@ PER_NEWTON = 6.0  # pixels
 LONGEST = 140.0  # pixels of an arrow
 
 
-def pictures_of(film: Film) -> npt.NDArray[np.intp]:
-    """Which pictures of the film are in the GIF."""
+def pictures_of(film: Film, seconds: float = SECONDS) -> npt.NDArray[np.intp]:
+    """Which pictures of the film are in a GIF of at most so many seconds: its first contact, or its beginning."""
     length = (film.pictures - 1) / film.rate
     contact = film.begin if film.first_contact is None else film.first_contact
-    begin = max(0.0, min(contact - BEFORE - film.begin, length - SECONDS))
-    times = begin + PERIOD * np.arange(round(SECONDS / PERIOD))
+    begin = max(0.0, min(contact - BEFORE - film.begin, length - seconds))
+    times = begin + PERIOD * np.arange(round(min(seconds, length + PERIOD) / PERIOD))
     found = np.round(times[times <= length + 1e-9] * film.rate).astype(np.intp)
     return np.minimum(found, film.pictures - 1)
 
 
-def write_gif(film: Film, path: Path) -> None:
-    """Writes it, in real time and over and over."""
+def write_gif(film: Film, path: Path, seconds: float = SECONDS) -> None:
+    """Writes at most so many seconds of it, in real time and over and over."""
     drawer = _Drawer(film)
-    frames = [drawer.picture(int(number)) for number in pictures_of(film)]
+    frames = [drawer.picture(int(number)) for number in pictures_of(film, seconds)]
     colours = frames[len(frames) // 2].quantize(COLOURS)
     reduced = [frame.quantize(palette=colours, dither=Image.Dither.NONE) for frame in frames]
     with naming(path):
@@ -108,8 +109,11 @@ class _Drawer:
             corners = [turned(vertex, pose) for vertex in vertices]
             if radius > 0.0:
                 self._disc(draw, corners[0], radius * self._scale, colour)
-            else:
-                draw.polygon([self._pixels(corner) for corner in corners], colour, palette.INK, FINER)
+                continue
+            places = [self._pixels(corner) for corner in corners]
+            draw.polygon(places, colour, palette.INK, FINER)
+            if thickness(Outline(vertices, radius)) * self._scale < THIN * FINER:
+                draw.line([*places, places[0]], colour, round(THIN * FINER))
 
     def _wall(self, draw: ImageDraw.ImageDraw, normal_x: float, normal_y: float, offset: float) -> None:
         far = 2.0  # m

@@ -2,13 +2,14 @@
 """A film of a scene that nobody has recorded: the simulated hand leads the tool in lock-step, with the demo's gains."""
 
 import numpy as np
+import numpy.typing as npt
 
 from haptic_device.config_files import find
 from haptic_device.description import load_device
 from haptic_device.parameter_files import read_operating_point
 from haptic_device.parameter_types import defaults
 from haptic_sim.exchange.simulation import Simulation
-from haptic_sim.film.clock import RATE
+from haptic_sim.film.clock import RATE, Array
 from haptic_sim.film.curves import HANDLE, NOT_HELD
 from haptic_sim.film.reading import Film, room_of
 from haptic_sim.node_parameters import NODES
@@ -22,14 +23,40 @@ from haptic_sim.scene.shapes import TOOL
 
 ARM = 0.05  # [m] way that turning by a radian counts as
 BEFORE, AFTER = 0.5, 0.5  # [s] that the hand rests at both ends of the way
+Shown = tuple[dict[str, Array], Array, npt.NDArray[np.bool_], list[tuple[int, float, float, float, float]]]
+"""Places, force, coupled and contacts of a Film."""
 
 
 def film_of_scene(scene: Scene) -> Film:
     """The way of the scene's task, else that of its motion, once."""
+    names = [HANDLE, TOOL, *(body.name for body in scene.bodies if not body.fixed)]
+    places, force, coupled, contacts = _run(scene, names)
+    drawing = drawing_of(scene)
+    return Film(
+        name=scene.name,
+        scene=drawing,
+        date="",
+        facts=[],
+        notes=[],
+        rate=RATE,
+        begin=0.0,
+        places=places,
+        curves={},
+        force=force,
+        coupled=coupled,
+        contacts=contacts,
+        marks=[],
+        first_contact=next((picture / RATE for picture, *_ in contacts), None),
+        room=room_of(places, drawing),
+        walls=[],
+    )
+
+
+def _run(scene: Scene, names: list[str]) -> Shown:
+    """The display, led along the way, at the times of the pictures."""
     hand = _hand(scene)
     system, method = _system(scene, hand)
     hand.begin(system)
-    names = [HANDLE, TOOL, *(body.name for body in scene.bodies if not body.fixed)]
     places: dict[str, list[tuple[float, ...]]] = {name: [] for name in names}
     force, coupled, contacts = [], [], []
     for picture in range(round((hand.times[-1] / SECOND + AFTER) * RATE)):
@@ -39,27 +66,7 @@ def film_of_scene(scene: Scene) -> Film:
         force.append(row.force_on_handle[:2])
         coupled.append(not int(row.withheld) & NOT_HELD)
         contacts += [(picture, *touch.point, *touch.force_on_a) for touch in method.contacts()]
-    drawing, arrays = drawing_of(scene), {name: np.array(place) for name, place in places.items()}
-    first = next((picture / RATE for picture, *_ in contacts), None)
-    room = room_of({name: arrays[name] for name in (HANDLE, TOOL)}, drawing)
-    return Film(
-        scene.name,
-        drawing,
-        "",
-        [],
-        [],
-        RATE,
-        0.0,
-        arrays,
-        {},
-        np.array(force),
-        np.array(coupled),
-        contacts,
-        [],
-        first,
-        room,
-        [],
-    )
+    return {name: np.array(place) for name, place in places.items()}, np.array(force), np.array(coupled), contacts
 
 
 def _hand(scene: Scene) -> PlayedTarget:

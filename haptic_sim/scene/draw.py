@@ -25,7 +25,7 @@ from haptic_device.os_errors import naming
 from haptic_device.parameter_types import defaults
 from haptic_device.parameters import OPERATOR
 from haptic_sim.scene.drawing import Drawing, Solid, corners, drawing_of
-from haptic_sim.scene.geometry import Outline, Point, turned
+from haptic_sim.scene.geometry import Point, thickness, turned
 from haptic_sim.scene.joints import AnyJoint, Slider
 from haptic_sim.scene.language import Measure, Scene
 from haptic_sim.scene.shapes import TOOL, Body, HalfPlane, Tool
@@ -130,7 +130,7 @@ def _draw_solid(axes: Axes, solid: Solid) -> None:
         places = 1e3 * np.array([turned(vertex, solid.pose) for vertex in outline.vertices])
         shape = patches.Circle(places[0], 1e3 * outline.radius) if outline.radius else patches.Polygon(places)
         shape.set(facecolor=color, edgecolor=BLACK, linewidth=0.6, alpha=0.75)
-        if 1e3 * _thickness(outline) < THIN * width:
+        if 1e3 * thickness(outline) < THIN * width:
             around = [Stroke(linewidth=4.0, foreground=BLACK), Normal()]
             shape.set(edgecolor=color, linewidth=2.8, alpha=1.0, path_effects=around)
         axes.add_patch(shape)
@@ -150,16 +150,6 @@ def _draw_kinds(axes: Axes, drawn: Drawing) -> None:
     for kind, (color, there) in kinds.items():
         if there:
             axes.fill([], [], facecolor=color, edgecolor=BLACK, linewidth=0.6, alpha=0.75, label=kind)
-
-
-def _thickness(outline: Outline) -> float:
-    """The least width [m] of a convex outline."""
-    if outline.radius:
-        return 2.0 * outline.radius
-    vertices = np.array(outline.vertices)
-    along = np.roll(vertices, -1, axis=0) - vertices
-    normals = np.column_stack([-along[:, 1], along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
-    return float(np.ptp(normals @ vertices.T, axis=1).min())
 
 
 def _draw_velocities(axes: Axes, scene: Scene) -> None:

@@ -95,6 +95,16 @@ def finest_feature(outline: Outline) -> float:
     return min(math.dist(a, b) for a, b in _edges(outline.vertices))
 
 
+def thickness(outline: Outline) -> float:
+    """The least width [m] of a convex outline."""
+    if outline.radius:
+        return 2.0 * outline.radius
+    vertices = np.array(outline.vertices)
+    along = np.roll(vertices, -1, axis=0) - vertices
+    normals = np.column_stack([-along[:, 1], along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
+    return float(np.ptp(normals @ vertices.T, axis=1).min())
+
+
 def combined(outlines: Iterable[Outline]) -> Lamina:
     """Lamina of a compound of outlines; where they overlap, the overlap counts twice."""
     parts = [_lamina(outline) for outline in outlines]

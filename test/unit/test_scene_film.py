@@ -1,13 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """The film of a scene shows what a person would do in it: the peg goes in, or jams; the nut turns."""
 
+import math
+
 import numpy as np
 import pytest
+from PIL import Image, ImageColor
 
+from haptic_device.analysis.palette import MOVING
 from haptic_sim.film.curves import HANDLE
+from haptic_sim.film.gif import pictures_of, write_gif
 from haptic_sim.film.scene_run import film_of_scene
 from haptic_sim.scene.language import load
 from haptic_sim.scene.shapes import TOOL
+from haptic_sim.viewer.tasks import tasks
 
 
 @pytest.fixture(scope="module")
@@ -49,3 +55,23 @@ def test_a_body_that_falls_beside_the_tool_is_in_the_picture():
 def test_a_scene_without_a_way_is_shown_for_as_long_as_its_motion_lasts():
     film = film_of_scene(load("falling_rod"))
     assert film.pictures > 60 and len(film.places["rod"]) == film.pictures
+
+
+@pytest.mark.parametrize("name", [task["name"] for task in tasks()])
+def test_a_film_of_the_gallery_shows_the_task_done(name):
+    scene = load(name)
+    film = film_of_scene(scene)
+    shown = pictures_of(film, math.inf)
+    for measure, least in scene.task.done.items():
+        poses = film.places[scene.measure[measure].body][shown]
+        assert max(scene.measure[measure].fraction(pose) for pose in poses.tolist()) >= least
+
+
+def test_a_body_thinner_than_a_picture_s_dot_is_still_drawn(tmp_path):
+    film, wanted = film_of_scene(load("falling_rod")), ImageColor.getrgb(MOVING)
+    write_gif(film, tmp_path / "film.gif", math.inf)
+    with Image.open(tmp_path / "film.gif") as pictures:
+        for number in range(pictures.n_frames):
+            pictures.seek(number)
+            colours = {colour for _, colour in pictures.convert("RGB").getcolors(1 << 20)}
+            assert any(sum(map(abs, np.subtract(one, wanted))) < 30 for one in colours), number

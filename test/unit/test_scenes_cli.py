@@ -332,7 +332,7 @@ def test_the_gallery_has_a_section_and_a_picture_for_every_scene(tmp_path, monke
     for name in ("wall", "four_bar"):
         assert f"![{load(name).description}, at the start]({name}.png)" in page
         assert (tmp_path / "page" / f"{name}.png").read_bytes().startswith(PNG)
-        assert f"![{load(name).description}, a film]({name}.gif)" in page
+        assert f'<img src="{name}.gif" loading="lazy" alt="{load(name).description}, a film">' in page
         with Image.open(tmp_path / "page" / f"{name}.gif") as film:
             assert film.format == "GIF" and film.n_frames > 10
 
