@@ -131,7 +131,7 @@ def _hard_cases(found):
         yield Figure("hard cases survived by the method chosen", survived, f"of {of}", "all")
         yield Figure("deepest overlap of these", overlap and 1e6 * overlap, "µm", f"≤ {1e6 * OVERLAP:g} µm")
         share, limit = created and 100.0 * created, 100.0 * CREATED
-        yield Figure("energy created in these, of the largest about", share, "%", f"≤ {limit:g} %")
+        yield Figure("energy created in these, of the largest energy", share, "%", f"≤ {limit:g} %")
 
 
 def _worst(values):
@@ -145,7 +145,7 @@ def _speed_error(found):
     ours = [one for one in runs if one.counts and one.method in OURS]
     if ours:
         least = [min(one.error for one in ours if one.scene == scene) for scene in scenes_of(ours)]
-        yield Figure(f"least error, worst of {len(least)} scenes", 100.0 * max(least), "% of the way")
+        yield Figure(f"least error, worst of {len(least)} scenes", 100.0 * max(least), "% of the distance moved")
     for kind, peer, ratio, wanted, _, _ in summary(runs):
         yield Figure(f"least speed ratio at equal error, {kind}, to {peer}", ratio, "×", f"≥ {wanted:g}")
 
