@@ -37,7 +37,7 @@ class ConfigError(ValueError):
 def find(folder: str, name) -> Path:
     """The file `name` if it exists, else config/<folder>/<name>.yaml; the folder "" is config/ itself.
 
-    Raises FileNotFoundError with one sentence, which has the nearest names.
+    Raises FileNotFoundError with one sentence that suggests similar names.
 
     Args:
         folder: devices or scenes; "" is config/ itself.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hard cases: which method survives which scene, with the plane turned and the contact's phase shifted, not in one lucky position.
+"""Hard cases: which method survives which scene, with the plane turned and the phase of the contact shifted.
 
 Every world gets the scene's own sub-step. It fails by one letter each: N not finite, T through a wall, P overlap beyond
 0.1 mm, E energy created beyond 1 % of the largest energy; e, no failure of a peer, is energy beyond rounding.

@@ -30,7 +30,7 @@ Limits = Annotated[tuple[Number, Number], AfterValidator(_about_zero)]
 
 
 class Joint(Part):
-    """Holds two bodies together. Joined bodies do not touch each other unless `collide`.
+    """Connects two bodies. Joined bodies do not touch each other unless `collide` is true.
 
     Attributes:
         name: name of the joint, or "".
@@ -71,7 +71,7 @@ class Joint(Part):
         return turned(on_a, a.pose) if a else on_a, turned(on_b, b.pose) if b else on_b
 
     def forbidden(self, vector: Point) -> Point:
-        """The part of a vector from anchor to anchor, or of its rate, at the start, that the joint does not let be."""
+        """Component of the vector from anchor to anchor, or of its rate, at the start, that the joint keeps zero."""
         return vector
 
     @property
@@ -115,7 +115,7 @@ class Joint(Part):
 
 
 class Weld(Joint):
-    """Makes one of two bodies.
+    """Joins two bodies rigidly.
 
     Attributes:
         bodies: names of the two; `world` is the plane.
@@ -137,14 +137,14 @@ class Weld(Joint):
 
 
 class Spring(Joint):
-    """Pulls two points towards a distance.
+    """Pulls or pushes two points towards a given distance.
 
     Attributes:
         bodies: names of the two; `world` is the plane.
         anchors: a point of each body's frame [m, m].
         stiffness (float): [N/m].
         damping (float): along the line between the points [N s/m].
-        rest (float | None): distance without force [m]; as at the start unless given.
+        rest (float | None): distance without force [m]; by default the distance at the start.
 
     Examples:
         >>> from haptic_sim.scene.joints import Spring
@@ -271,17 +271,17 @@ class Pin(LowerPair):
 
 
 class Slider(LowerPair):
-    """Body b goes along an axis of body a and does not turn. The coordinate is the way, 0 at the start.
+    """Body b moves along an axis of body a and does not turn. The coordinate is the distance moved, 0 at the start.
 
     Attributes:
         bodies: names of a and b; `world` is the plane.
         at: point of the plane [m, m]. Give this or `anchors`.
         anchors: a point of each body's frame [m, m].
         axis (Point): direction in the plane at the start, of any length; it is fixed in body a.
-        limits: least and largest way [m], which enclose 0; or None.
-        stiffness (float): of a spring on the way [N/m].
-        damping (float): of a damper on the way [N s/m].
-        rest (float): way to which the spring pulls [m].
+        limits: least and largest coordinate [m], which enclose 0; or None.
+        stiffness (float): of a spring on the coordinate [N/m].
+        damping (float): of a damper on the coordinate [N s/m].
+        rest (float): coordinate to which the spring pulls [m].
         friction_force (float): Coulomb friction [N].
         motor: a LinearMotor, or None.
 

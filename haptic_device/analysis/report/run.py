@@ -26,9 +26,9 @@ AVERAGED = 8  # ticks, where only the servo's own columns are there
 
 @dataclass
 class Run:
-    """A recording and what is computed from it. A property raises ValueError if the recording lacks what it needs.
+    """A recording and results computed from it. A property raises ValueError if its data is not in the recording.
 
-    Time 0 is the first tick with the motor engaged, or the first message where there is no trace.
+    Time 0 is the first tick with the motor engaged, or the first message if there is no trace.
 
     Attributes:
         recording: the recording.
@@ -169,7 +169,7 @@ class Run:
 
     @property
     def booked(self) -> npt.NDArray[np.floating]:
-        """Energy [J] given to the operator by the servo's account since the first tick here, at each tick."""
+        """Energy [J] given to the operator since the first tick here, as the servo counts it, at each tick."""
         booked = self.rows["energy_given"]
         return (booked - booked[0]).sum(axis=1)
 
@@ -184,7 +184,7 @@ class Run:
     def tool_energy(self) -> npt.NDArray[np.float32]:
         """Work [J] of the coupling on the tool up to each tick, by the tool samples as the servo got them (trapezoids).
 
-        The energy that the trace itself has of a tool sample is what the exchange ships, another thing.
+        The energy of a tool sample in the trace is another quantity: the energy that the exchange method sends.
         """
         work, known = np.zeros(len(self.rows) - 1, np.float32), self.rows["tool_age"][:-1] >= 0
         for axis in range(len(AXES)):
@@ -247,8 +247,9 @@ class Run:
     def fits(self) -> dict[tuple[str, str], Impedance]:
         """What the display added to the device: {(contact | free, axis): fit of minus the motor's force}.
 
-        In contact only while the tool stood still and the handle moved, and by the way from the tool: a tool that is
-        moved is an input of its own. Nor would the hand's force do: in the closed loop the fit would find its spring.
+        In contact the fit uses only times at which the tool stood still and the handle moved, and it uses the distance
+        from the tool, because a moving tool is a second input. The fit does not use the force of the hand: in the
+        closed loop it would find the spring of the hand.
         """
         time, parts = self._felt()
         place = np.clip(np.searchsorted(self.seconds, time, side="right") - 1, 0, len(self.seconds) - 1)
