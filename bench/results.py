@@ -104,12 +104,12 @@ def _costs(found):
         yield Figure(f"{one['what']}: one more {one['grows_with']}", one["slope"], "µs")
     for one in found["ports"]:
         what = f"an exchange of {one['scene']}, {one['method']}"
-        yield Figure(f"{what}: behind pspm to direct", one["pspm"] / one["direct"], "×", "≤ 1.2")
+        yield Figure(f"{what}: with pspm to with direct", one["pspm"] / one["direct"], "×", "≤ 1.2")
         if one["bare"]:
-            yield Figure(f"{what}: to its bare steps", one["direct"] / one["bare"], "×", "≤ 2.2")
+            yield Figure(f"{what}: to its steps alone", one["direct"] / one["bare"], "×", "≤ 2.2")
     cell = next(one for one in found["costs"] if one["grows_with"] == "cell")
-    yield Figure("map off a straight line by at most", 100.0 * cell["apart"], "%", "≤ 10 %")
-    yield Figure("two cores on a map, efficiency", found["two_cores"], "", "≥ 0.9")
+    yield Figure("Z-width map: largest deviation from a straight line", 100.0 * cell["apart"], "%", "≤ 10 %")
+    yield Figure("Z-width map on two cores, efficiency", found["two_cores"], "", "≥ 0.9")
 
 
 def _load(found):

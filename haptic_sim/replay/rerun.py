@@ -58,7 +58,7 @@ def recorded(bag: Path, namespace: str | None = None) -> Recording:
 
     Args:
         bag: path of the bag.
-        namespace: needed only where the bag holds several devices.
+        namespace: needed only if the bag has several devices.
 
     Examples:
         >>> from pathlib import Path

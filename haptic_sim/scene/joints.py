@@ -63,7 +63,7 @@ class Joint(Part):
         return self
 
     def places(self, a: Solid | None, b: Solid | None) -> tuple[Point, Point]:
-        """Points of the plane [m] where the joint holds on to its bodies at the start; None is the world."""
+        """Points of the plane [m] where the joint is fixed to its bodies at the start; None is the world."""
         if self.anchors is None:
             assert self.at is not None
             return self.at, self.at

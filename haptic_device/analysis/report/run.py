@@ -109,7 +109,7 @@ class Run:
 
     @cached_property
     def scene(self) -> str:
-        """Name of the scene, or "" where it was not recorded."""
+        """Name of the scene, or "" if it was not recorded."""
         said = self.recording.last_values("haptic_simulation").get("scene", "")
         attached = [name for name in self.recording.attachments if name.startswith("scene/")]
         return Path(said or (attached[0] if attached else "")).stem
@@ -233,7 +233,7 @@ class Run:
 
     @cached_property
     def physical_damping(self) -> Array:
-        """b of each axis [N s/m, N m s/rad] as the driver says it; NaN where it does not."""
+        """b of each axis [N s/m, N m s/rad] as the driver reports it; NaN if it does not."""
         said = self.recording.last_values("haptic_driver").get("physical_damping", "")
         values = [number(word) for word in said.split(",") if word.strip()]
         return np.array((values + [np.nan] * 3)[:3])
