@@ -165,7 +165,7 @@ def load_device(name: str | Path) -> Device:
 def parse(content: Any, source: str) -> Device:
     """Makes a device from a mapping with the keys of the YAML file.
 
-    Raises ConfigError: its text is the first thing that is wrong, and its `found` has all of them.
+    Raises ConfigError: its text is the first error, and its `found` has all errors.
 
     Args:
         content: the mapping.

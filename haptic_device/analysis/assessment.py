@@ -149,9 +149,9 @@ def coulomb_friction_needed(
 ) -> Quantity:
     """Coulomb friction f_c [N] that covers the encoder step Δ: half of Δ Σ|h_k|, with h the impulse response of H.
 
-    The arguments broadcast. Each sample has an error of at most Δ/2. So the error of the force is at most this value,
-    and friction takes at least as much energy from every displacement. The condition on b holds in addition. For B ≥ 0
-    and no lag it is (K + 2B/T) Δ/2 (Abbott & Okamura 2005 for B = 0). Raises ValueError if the resolution is below 0.
+    The arguments broadcast. Each sample has an error of at most Δ/2. So the error of the force is at most f_c, and
+    friction takes at least as much energy from every displacement. The condition on b holds in addition. For B ≥ 0 and
+    no lag it is (K + 2B/T) Δ/2 (Abbott & Okamura 2005 for B = 0). Raises ValueError if the resolution is below 0.
 
     Args:
         stiffness: K [N/m].
@@ -171,7 +171,7 @@ def coulomb_friction_needed(
 
 
 def advise(display: Display, assessment: Assessment) -> str:
-    """One sentence: what holds, and what to change if it does not.
+    """One sentence: whether the display is passive and stable, and what to change if it is not.
 
     Args:
         display: the device and its wall or coupling.

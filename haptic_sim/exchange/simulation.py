@@ -29,8 +29,8 @@ class ToolSample(NamedTuple):
     Attributes:
         position: of the tool's grip [m, m, rad].
         velocity: of the tool [m/s, m/s, rad/s].
-        force_on_tool: mean force of the coupling on the tool over the last sub-step [N, N, N m], or what the exchange
-            method has in its place.
+        force_on_tool: mean force of the coupling on the tool over the last sub-step [N, N, N m], or the value that the
+            exchange method sends instead.
         contact: whether the tool was in contact during the exchange.
         energy: energy supplied at the tool's port so far [J], or what the exchange method sends.
 
@@ -89,8 +89,8 @@ class Energy(NamedTuple):
         kinetic: of all bodies now.
         potential: of gravity and springs now.
         supplied: work of the coupling on the tool.
-        contacts: taken by impacts, friction, stops and dry friction of joints, less what motors and belts gave. Of
-            `impulse` it is all that is lost but `numerical`.
+        contacts: taken by impacts, friction, stops and dry friction of joints, less what motors and belts gave. With
+            `impulse` it is all lost energy except `numerical`.
         correction: added by the correction of joints and overlaps; negative if the correction slowed the motion down.
         dissipated: energy supplied or present at the start that is no longer stored.
 
@@ -112,7 +112,7 @@ class Energy(NamedTuple):
 
     @property
     def numerical(self) -> float:
-        """Lost to the sub-step's own damping and to dampers of springs; of `impulse`, by a tool that nothing pushes."""
+        """Lost by damping of the sub-step and of springs; with `impulse` only by a tool that nothing pushes."""
         return self.dissipated - self.contacts + self.correction
 
 

@@ -309,7 +309,7 @@ class Slider(LowerPair):
         return self.axis[0] / length, self.axis[1] / length
 
     def forbidden(self, vector: Point) -> Point:
-        """The part of a vector from anchor to anchor, or of its rate, at the start, that lies across the axis."""
+        """The part of a vector from anchor to anchor, or of its rate, at the start, perpendicular to the axis."""
         x, y = self.unit_axis
         across = vector[0] * -y + vector[1] * x
         return across * -y, across * x
@@ -326,7 +326,7 @@ class Slider(LowerPair):
 
     @property
     def friction(self) -> float:
-        """Coulomb friction against the way [N]."""
+        """Coulomb friction against the motion [N]."""
         return self.friction_force
 
 

@@ -32,7 +32,7 @@ class SceneError(ConfigError):
     """A scene that cannot be used: one sentence with file, place in the file, value and what to do.
 
     Attributes:
-        found: one sentence for each thing that is wrong, without the name of the file.
+        found: one sentence for each error, without the name of the file.
 
     Examples:
         >>> from haptic_sim.scene.language import SceneError, load
@@ -74,7 +74,7 @@ class Measure(Part):
         return self
 
     def fraction(self, pose: tuple[float, float, float]) -> float:
-        """Fraction of the way with the body at `pose` (x, y, theta) [m, m, rad]."""
+        """Fraction of the motion with the body at `pose` (x, y, theta) [m, m, rad]."""
         return (self._come(pose) - self.start) / (self.end - self.start)
 
     def _come(self, pose: tuple[float, float, float]) -> float:
@@ -153,7 +153,7 @@ class Scene(Part):
         tool: the tool.
         measure: {name: measure}.
         motion: suggested motion of the hand: parameters `motion.*` of haptic_loopback.
-        task: what people do in it, or None.
+        task: task for a person in the scene, or None.
 
     Examples:
         >>> from haptic_sim.scene.language import load
@@ -260,7 +260,7 @@ def load(name: str | Path) -> Scene:
 def parse(content: Any, source: str) -> Scene:
     """Makes a scene from a mapping with the keys of the YAML file.
 
-    Raises SceneError: its text is the first thing that is wrong, and its `found` has all of them.
+    Raises SceneError: its text is the first error, and its `found` has all errors.
 
     Args:
         content: the mapping.

@@ -100,7 +100,7 @@ class Run:
 
     @property
     def begun(self) -> datetime | None:
-        """When the recording began, in this machine's time zone; None in lock-step, which knows no date."""
+        """When the recording began, in this machine's time zone; None in lock-step, which has no date."""
         if self.recording.last_values("haptic_driver").get("realtime") == "lock-step":
             return None
         system = self.recording.pairs[0]
@@ -121,7 +121,7 @@ class Run:
         return (self.recording.monotonic(time) - self.rows["deadline"][0]) * 1e-9
 
     def places(self, axis: int) -> dict[str, tuple[Array, Array]]:
-        """Of handle and tool: times [s] and place [m | rad]. Raises ValueError if there is neither."""
+        """Of handle and tool: times [s] and positions [m | rad]. Raises ValueError if there are none."""
         if not self.traced:
             return self._by_topic({"handle": "handle", "tool": "tool"}, "position", axis)
         there = self.rows["tool_age"] >= 0
@@ -132,7 +132,7 @@ class Run:
         }
 
     def forces(self, axis: int) -> dict[str, tuple[Array, Array]]:
-        """On the handle in all, and of the coupling: times [s] and force [N | N m]. Raises ValueError if neither."""
+        """Total on the handle, and of the coupling: times [s] and forces [N | N m]. Raises ValueError without any."""
         if not self.traced:
             return self._by_topic({"on handle": "motor", "of the coupling": "handle"}, "effort", axis)
         columns = {"on handle": "force_on_handle", "of the coupling": "force_coupling"}
@@ -163,7 +163,7 @@ class Run:
 
     @property
     def given(self) -> Array:
-        """Energy [J] given to the operator by the truth since its first sample here, at each sample of the truth."""
+        """Energy [J] truly given to the operator since the first true sample here, at each true sample."""
         given = self.ground_truth.entry("energy_given")
         return given - given[:1]
 
@@ -240,7 +240,7 @@ class Run:
 
     @cached_property
     def impedances(self) -> dict[tuple[str, str], Impedance]:
-        """Of the `fits` those that tell something: in contact, only fits that explain the force."""
+        """The useful `fits`: in contact, only fits that explain the force."""
         return {(kind, axis): found for (kind, axis), found in self.fits.items() if _telling(kind, found)}
 
     @cached_property

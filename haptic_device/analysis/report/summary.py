@@ -23,10 +23,10 @@ _MICRO, _MILLI = 1e6, 1e3
 
 
 def engaged_rows(trace: Records) -> Records:
-    """Rows of the trace with the motor engaged. Raises ValueError if there are less than two.
+    """Rows of the trace with the motor engaged. Raises ValueError if there are fewer than two.
 
     Args:
-        trace: a structured array, a row a tick.
+        trace: a structured array, one row for each tick.
 
     Examples:
         >>> from haptic_device.analysis.report.summary import engaged_rows
