@@ -104,12 +104,12 @@ def _costs(found):
         yield Figure(f"{one['what']}: one more {one['grows_with']}", one["slope"], "µs")
     for one in found["ports"]:
         what = f"an exchange of {one['scene']}, {one['method']}"
-        yield Figure(f"{what}: behind pspm to direct", one["pspm"] / one["direct"], "×", "≤ 1.2")
+        yield Figure(f"{what}: with pspm to with direct", one["pspm"] / one["direct"], "×", "≤ 1.2")
         if one["bare"]:
-            yield Figure(f"{what}: to its bare steps", one["direct"] / one["bare"], "×", "≤ 2.2")
+            yield Figure(f"{what}: to its steps alone", one["direct"] / one["bare"], "×", "≤ 2.2")
     cell = next(one for one in found["costs"] if one["grows_with"] == "cell")
-    yield Figure("map off a straight line by at most", 100.0 * cell["apart"], "%", "≤ 10 %")
-    yield Figure("two cores on a map, efficiency", found["two_cores"], "", "≥ 0.9")
+    yield Figure("Z-width map: largest deviation from a straight line", 100.0 * cell["apart"], "%", "≤ 10 %")
+    yield Figure("Z-width map on two cores, efficiency", found["two_cores"], "", "≥ 0.9")
 
 
 def _load(found):
@@ -131,7 +131,7 @@ def _hard_cases(found):
         yield Figure("hard cases survived by the method chosen", survived, f"of {of}", "all")
         yield Figure("deepest overlap of these", overlap and 1e6 * overlap, "µm", f"≤ {1e6 * OVERLAP:g} µm")
         share, limit = created and 100.0 * created, 100.0 * CREATED
-        yield Figure("energy created in these, of the largest about", share, "%", f"≤ {limit:g} %")
+        yield Figure("energy created in these, of the largest energy", share, "%", f"≤ {limit:g} %")
 
 
 def _worst(values):
@@ -145,7 +145,7 @@ def _speed_error(found):
     ours = [one for one in runs if one.counts and one.method in OURS]
     if ours:
         least = [min(one.error for one in ours if one.scene == scene) for scene in scenes_of(ours)]
-        yield Figure(f"least error, worst of {len(least)} scenes", 100.0 * max(least), "% of the way")
+        yield Figure(f"least error, worst of {len(least)} scenes", 100.0 * max(least), "% of the distance moved")
     for kind, peer, ratio, wanted, _, _ in summary(runs):
         yield Figure(f"least speed ratio at equal error, {kind}, to {peer}", ratio, "×", f"≥ {wanted:g}")
 

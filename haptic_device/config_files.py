@@ -15,7 +15,7 @@ class ConfigError(ValueError):
     """A file that cannot be used. The text is one sentence that begins with the name of the file.
 
     Attributes:
-        found: one sentence for each thing that is wrong, without the name of the file.
+        found: one sentence for each error, without the name of the file.
 
     Examples:
         >>> from haptic_device.config_files import ConfigError
@@ -37,7 +37,7 @@ class ConfigError(ValueError):
 def find(folder: str, name) -> Path:
     """The file `name` if it exists, else config/<folder>/<name>.yaml; the folder "" is config/ itself.
 
-    Raises FileNotFoundError with one sentence, which has the nearest names.
+    Raises FileNotFoundError with one sentence that suggests similar names.
 
     Args:
         folder: devices or scenes; "" is config/ itself.

@@ -41,9 +41,9 @@ def settings_of(device):
 
 
 def settings_from(device, values, version=0):
-    """The servo's settings at this operating point: a structured array of one record, SETTINGS of control/records.
+    """Settings of the servo at an operating point: a structured array with one record, SETTINGS of control/records.
 
-    Raises ValueError with one sentence where values do not fit together or do not fit the device.
+    Raises ValueError with one sentence if values do not fit together or do not fit the device.
 
     Args:
         device: a `Device`.

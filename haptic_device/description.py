@@ -24,7 +24,7 @@ class DragSensor(Part):
     """Sensor of the physical damper's drag, per axis.
 
     Attributes:
-        bandwidth (float): [Hz]; 0 means that there is no limit.
+        bandwidth (float): of its low-pass filter [Hz]; 0 means no filter.
         bias (float): constant error of the reading [N | N m].
         noise (float): standard deviation of the reading [N | N m].
 
@@ -51,7 +51,7 @@ class Axis(Part):
         motor_sign: −1 where the motor pushes the other way.
         motor_limit (float): largest force of the motor [N | N m].
         workspace (tuple[float, float]): lowest and highest position [m | rad].
-        velocity_limit (float): fastest motion that the axis stands [m/s | rad/s].
+        velocity_limit (float): largest speed allowed for the axis [m/s | rad/s].
         mass (float): moving mass or inertia m of the mechanism [kg | kg m²].
         damping (float): physical damping b of the mechanism [N s/m | N m s/rad].
         coulomb (float): Coulomb friction of the mechanism [N | N m].
@@ -91,18 +91,18 @@ class Axis(Part):
 
 
 class Device(Part):
-    """A device with the axes x; x and y; or x, y and theta. Nothing in it can be changed.
+    """A device with the axes x; or x and y; or x, y and theta. It is immutable.
 
     Attributes:
         name: name of the device.
         axes (tuple[Axis, ...]): its axes, in the order x, y, theta.
         gravity (tuple[float, float]): acceleration along x and y that pulls at the handle's mass [m/s²].
         gravity_compensation: whether the driver compensates that weight.
-        sensing_delay (float): from the position to the sample [s].
-        actuation_delay (float): from the command to the force [s].
+        sensing_delay (float): time from the position to its sample [s].
+        actuation_delay (float): time from the command to its force [s].
         scale (tuple[float, float]): world metres per device metre, and radians per radian. The hand feels a world
             stiffness scale² times.
-        homing: `at_start` takes the place of the handle when the driver starts as its home.
+        homing: with `at_start`, home is where the handle is when the driver starts.
         home (tuple[float, float, float]): position of the handle at home [m, m, rad].
         drag_sensor: sensor of the damper's drag.
         link: what connects the device (haptic_device/link_registry.py); `loopback` is the simulated device.
@@ -142,7 +142,7 @@ class Device(Part):
 
 
 def load_device(name: str | Path) -> Device:
-    """The device of this name in config/devices, or in the YAML file at this path.
+    """Loads the device of this name in config/devices, or of the YAML file at this path.
 
     Raises FileNotFoundError if there is neither, and ConfigError with one sentence if the file is wrong.
 
@@ -163,9 +163,9 @@ def load_device(name: str | Path) -> Device:
 
 
 def parse(content: Any, source: str) -> Device:
-    """The device that a mapping describes, as the YAML file has it.
+    """Makes a device from a mapping with the keys of the YAML file.
 
-    Raises ConfigError: its text is the first thing that is wrong, and its `found` has all of them.
+    Raises ConfigError: its text is the first error, and its `found` has all errors.
 
     Args:
         content: the mapping.

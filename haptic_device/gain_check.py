@@ -33,14 +33,14 @@ def surplus(settings, lateness):
 
 
 def margins(settings, lateness):
-    """Physical damping that is left over: by axis, in the worst direction of x and y, about theta.
+    """Physical damping beyond the need: for each axis, in the worst direction of x and y, and about theta.
 
-    By axis is an array (3) [N s/m, N s/m, N m s/rad]; the other two are numbers [N s/m] and [N m s/rad]. The gains are
-    passive where these two are above 0.
+    The first result is an array (3) [N s/m, N s/m, N m s/rad]; the other two are numbers [N s/m] and [N m s/rad]. The
+    gains are passive if these two are above 0.
 
-    From the physical damping diag(b) it takes away what each wall and the coupling need along their direction, times
-    scale² (control/passivity). The smaller result of two counts: outside of walls, and inside, where no damping is
-    cancelled.
+    From the physical damping diag(b) the function subtracts the need of each wall and of the coupling along their
+    directions, times scale² (control/passivity). It does this outside of walls and inside, where no damping is
+    cancelled, and returns the smaller results.
 
     Args:
         settings: one record of `settings_from`.

@@ -13,11 +13,11 @@ PLACES = {"device": "devices", "scene": "scenes"}
 
 
 def read_operating_point(path, nodes: Mapping[str, tuple[Parameter, ...]], namespace: str = "/haptic"):
-    """What a ROS 2 parameter file gives each node that runs in a namespace: {node: {name: value}}.
+    """Reads a ROS 2 parameter file: values for each node in a namespace, {node: {name: value}}.
 
-    Only values that the file has come back; later sections win, as in ROS 2. Names of files (PLACES) are relative to
-    the folder of the file and come back absolute. Raises ConfigError if the file cannot be read, and ValueError with
-    the first thing that is wrong in it.
+    The result has only values that are in the file. Later sections win, as in ROS 2. File names (PLACES) are relative
+    to the folder of the file and are returned as absolute paths. Raises ConfigError if the file cannot be read, and
+    ValueError with the first thing that is wrong in it.
 
     Args:
         path: the file.

@@ -17,17 +17,17 @@ MOST = 1e9
 
 
 class Parameter(NamedTuple):
-    """What a node declares of one parameter.
+    """Declaration of one parameter of a node.
 
     Attributes:
         name: full name, such as `coupling.stiffness`.
-        default: value where nothing is given; an empty tuple is an empty list of numbers.
+        default: value if none is given; an empty tuple is an empty list of numbers.
         unit: SI unit of the value and its limits, "" for none.
         meaning: what it is, in words.
         low: least value that is allowed; of each element of a list.
         high: largest value that is allowed; of each element of a list.
         live: whether it may change while the node runs; else it is fixed once the node has started.
-        choices: the only texts that are allowed, where there are such.
+        choices: the allowed texts, if only some texts are allowed.
 
     Examples:
         >>> from haptic_sim.node_parameters import NODES
@@ -106,7 +106,7 @@ def defaults(parameters: Iterable[Parameter]) -> dict[str, Any]:
 
 
 def check_value(parameter: Parameter, value):
-    """The value that a parameter takes: lists come back as tuples.
+    """Checks a value and returns it; a list is returned as a tuple.
 
     Raises ValueError with one sentence if the type, the range or the choice is wrong, or a number is not finite.
 

@@ -39,8 +39,8 @@ class SequenceGaps:
     def told(self, topic: str) -> str:
         """How many were lost, as text.
 
-        Going back once is a publisher that started anew; more often, or a gap where several publish, cannot be told
-        from numbers that interleave.
+        If the numbers go back once, the publisher has restarted. If they go back more often, or if several nodes
+        publish, the number of lost messages is unknown.
         """
         several = self.back > 1 or (self.lost > 0 and topic.endswith(SHARED))
         return UNKNOWN if several else str(self.lost)

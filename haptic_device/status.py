@@ -17,7 +17,7 @@ class Status(NamedTuple):
         level: place in LEVELS: OK, WARN, ERROR, STALE.
         message: its sentence.
         values: its entries, {name: text}.
-        hardware: the device that it is of.
+        hardware: name of the device.
 
     Examples:
         >>> from haptic_device.recording import load

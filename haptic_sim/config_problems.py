@@ -31,7 +31,7 @@ def _unknown(driver: dict[str, Any]) -> None:
 
 
 def problems(path: Path, measure: Measure = _unknown) -> list[str]:
-    """Everything that is wrong in a YAML file, one sentence each; the list is empty where all is well.
+    """All errors in a YAML file, one sentence each; an empty list if there are none.
 
     Args:
         path: an operating point, a device description or a scene; the top-level keys tell which.
@@ -74,10 +74,10 @@ def _unfit(scene, method=AUTO) -> list[str]:
 
 
 def remark(path: Path, measure: Measure = _unknown) -> str:
-    """What a file without `problems` asks for and will not get, in one sentence, or "".
+    """One sentence about what a valid file asks for and will not get, or "".
 
-    Of a scene: its method has a larger error than the scene asks for. Of an operating point: its gains are passive on
-    time, and not with writes that are as late as on this machine.
+    For a scene: its method has a larger error than the scene asks for. For an operating point: its gains are passive
+    without delay, but not with writes as late as on this machine.
 
     Args:
         path: as in `problems`.

@@ -13,7 +13,7 @@ class Entry(NamedTuple):
     """What is known about a method before it is imported.
 
     Attributes:
-        where: place of its class, `module:name`.
+        where: its class, as `module:name`.
         kernels: entries of haptic_sim/kernels.py that it needs.
         offered: whether scenes may ask for it.
 
@@ -52,9 +52,9 @@ def offered() -> tuple[str, ...]:
 
 
 def make(name: str, scene, sub_step: float):
-    """The method of this name on a scene, as a `World`.
+    """Makes a `World` from a scene with the method of this name.
 
-    Raises ValueError if there is none of that name, or it cannot model the scene.
+    Raises ValueError if there is no such method, or if it cannot model the scene.
 
     Args:
         name: of the method, in METHODS.

@@ -49,7 +49,7 @@ class Contact(NamedTuple):
     """One pair of shapes that pressed on each other in the last sub-step.
 
     Attributes:
-        body_a: the tool, or the body that stands earlier in the scene.
+        body_a: the tool, or the body that comes first in the scene.
         body_b: the other one.
         point: midway between the touching points [m, m].
         normal: unit vector from body a to body b.
@@ -77,18 +77,19 @@ class Contact(NamedTuple):
 
 
 class StepResult(NamedTuple):
-    """What happened over several sub-steps.
+    """Sums and largest values over several sub-steps.
 
     Attributes:
         supplied: energy that the coupling supplied to the tool [J].
         touched: whether a contact pushed the tool.
         force: largest mean force of one pair of shapes over a sub-step [N].
         depth: deepest overlap [m].
-        left_out: contacts that were too many to be solved for.
+        left_out: contacts that were too many for the method.
         contacts: energy that impacts, friction and stops have taken, less what motors and belts gave [J].
-        correction: energy that putting constraints right has put in [J]. This and `contacts` are 0 where a method
-            cannot tell.
-        numerical: what the sub-steps' own damping has lost [J], where contacts cannot be told from the rest; else None.
+        correction: energy that the correction of constraints has added [J]. This and `contacts` are 0 if a method does
+            not know them.
+        numerical: energy lost by the damping of the sub-steps [J], if contacts cannot be separated from the rest; else
+            None.
 
     Examples:
         >>> from haptic_sim.protocol import StepResult
@@ -121,17 +122,18 @@ class StepResult(NamedTuple):
 
 
 class World(Protocol):
-    """What every simulation method is: a scene with a tool in it, advanced sub-step by sub-step with the coupling.
+    """Protocol of a simulation method: it advances a scene with a tool, together with the coupling, by sub-steps.
 
-    A method is a class with these members, made of a ReducedScene and a sub-step [s]. One thread may use it.
+    A method is a class with these members. Its arguments are a ReducedScene and a sub-step [s]. Only one thread may use
+    it.
 
     Attributes:
         scene: the scene.
         sub_step: [s].
         passive: whether it is discrete-time passive at the tool's port. Then Σ force_on_tool · Δx is never less than
-            the energy that the world has gained, whatever the handle does. Beyond that are only the work of motors and
-            belts, and rounding: contact force times the 1e-12 m that count as touching.
-        inner: equal steps that it takes within a sub-step.
+            the energy that the world has gained, for any motion of the handle. The only exceptions are the work of
+            motors and belts, and a small error: contact force times 1e-12 m, the overlap that counts as touching.
+        inner: number of equal steps within a sub-step.
         position: of the tool's grip at the end of the sub-step [m, m, rad].
         velocity: of the tool [m/s, m/s, rad/s].
         force_on_tool: mean force of the coupling on the tool over the sub-step [N, N, N m].
@@ -167,7 +169,8 @@ class World(Protocol):
     def step(self, target: np.ndarray, n: int) -> StepResult:
         """Advance `n` sub-steps from each row of the handle's way to the next.
 
-        target: (m, 6), position [m, m, rad] and velocity; in between the handle goes evenly on straight lines.
+        target: (m, 6), position [m, m, rad] and velocity; between two rows the handle moves on a straight line at
+            constant speed.
         """
 
     def contacts(self) -> list[Contact]:
@@ -184,7 +187,7 @@ class World(Protocol):
 
 
 def along(*rows: tuple[Planar, Planar]) -> np.ndarray:
-    """Target of a handle that has these positions and velocities in turn: an array (rows, 6).
+    """Target of a handle with these positions and velocities one after the other: an array (rows, 6).
 
     Args:
         rows: a position [m, m, rad] and a velocity [m/s, m/s, rad/s] each.
@@ -198,7 +201,7 @@ def along(*rows: tuple[Planar, Planar]) -> np.ndarray:
 
 
 def held(position: Planar, velocity: Planar = STILL) -> np.ndarray:
-    """Target of a handle that is kept at a position [m, m, rad] and velocity: an array (2, 6).
+    """Target of a handle with a constant position [m, m, rad] and velocity: an array (2, 6).
 
     Args:
         position: of the handle [m, m, rad].

@@ -42,10 +42,10 @@ class LedWorld(Protocol):
 
 
 class Exchanged:
-    """A simulation as a world that `rollout` can lead: a handle sample for each row of a path, 1 ms apart.
+    """Makes a simulation usable in `rollout`: each row of the path is a handle sample, 1 ms apart.
 
     Args:
-        simulation: what answers.
+        simulation: the simulation.
         start: first row of the path, (6).
         gains: of the coupling.
 
@@ -83,14 +83,14 @@ class Exchanged:
 
 
 class Rollout(NamedTuple):
-    """Result of leading a world along a path.
+    """Result of `rollout`.
 
     Attributes:
         finite: whether all energies and the tool stayed within 1e3 J, m or rad. A run ends where they do not.
-        poses: {body: (n, 3)} poses [m, m, rad] at the start and at each look.
+        poses: {body: (n, 3)} poses [m, m, rad] at the start and at each sample.
         spent: processor time of each stride [s], (strides).
-        overlap: deepest overlap at the looks [m].
-        created: energy created [J]: the largest fall of what has been dissipated.
+        overlap: deepest overlap at the samples [m].
+        created: energy created [J]: the largest decrease of the dissipated energy.
         scale: largest energy that occurred [J]: kinetic, potential or in the coupling's spring.
 
     Examples:
@@ -124,18 +124,18 @@ def rollout(
     gains: Coupling | None = None,
     limit: float = math.inf,
 ) -> Rollout:
-    """Leads a world along the hand's path. The result is a Rollout.
+    """Simulates a world whose handle follows a path. Returns a Rollout.
 
     Args:
-        world: what is led.
+        world: the world.
         path: (n, 6), position [m, m, rad] and velocity of the handle in each row.
         count: sub-steps from a row to the next.
-        stride: rows in a call of the world.
-        look: rows between two looks, a multiple of stride.
+        stride: rows in one call of `World.step`.
+        look: rows between two samples of poses and overlap, a multiple of stride.
         bodies: names whose poses are kept.
-        overlap: () → depth [m], asked at each look.
-        gains: of the coupling, with which energy is booked.
-        limit: processor time [s] after which it ends early.
+        overlap: function () → depth [m], called at each sample.
+        gains: of the coupling, for the energy.
+        limit: processor time [s] after which the run stops.
 
     Examples:
         >>> import numpy as np
@@ -200,7 +200,7 @@ def stretch(gains: Coupling, handle, tool) -> float:
 
 
 def hand(scene: Scene, angle: float = 0.0):
-    """The suggested motion of a scene: a function of time [s] that gives the handle's place (x, y, theta) [m, m, rad].
+    """The suggested motion of a scene: a function of time [s] that returns the position (x, y, theta) [m, m, rad].
 
     Args:
         scene: the scene.
@@ -225,7 +225,7 @@ def hand(scene: Scene, angle: float = 0.0):
 
 
 def way(lead: Callable, times: np.ndarray) -> np.ndarray:
-    """Path (n, 6) of a hand: its places at these times, and the rates by differences.
+    """Path (n, 6) of a hand: its positions at these times, and velocities by differences.
 
     Args:
         lead: time [s] → (x, y, theta).
@@ -244,9 +244,9 @@ def way(lead: Callable, times: np.ndarray) -> np.ndarray:
 
 
 def overlap_watch(scene: Scene, pose):
-    """A function () → deepest overlap [m] of all bodies of a scene that can touch.
+    """Makes a function () → deepest overlap [m] of all bodies of a scene that can touch.
 
-    It is measured with the shapes and poses, and not taken from what the world says.
+    The function computes the overlap from shapes and poses. It does not use the contacts of the world.
 
     Args:
         scene: the scene.

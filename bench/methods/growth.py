@@ -227,11 +227,11 @@ def write(folder: Path, runs: list[Run]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     write_csv(folder / "growth.csv", Run, runs)
     head = (
-        "# Growth\n\nWritten by `python -m bench growth`. Times are processor time of an exchange of 1 ms; the first "
-        f"half of a run does not count. Other engines take sub-steps of {STEP} µs unless another step is named, and "
-        f"they may let bodies sleep. *Over*: the run ended after {LIMIT:g} s of processor time. Overlap, energy and "
-        "error are those of a second run, which ends after half of that. *Error* is the longest way of a body that "
-        "should stay, or the gap of a pin.\n\n"
+        "# Growth\n\n`python -m bench growth` writes this page. Each time is the processor time of an exchange of 1 "
+        f"ms. The first half of a run does not count. Other engines take sub-steps of {STEP} µs unless the table names "
+        f"another step, and their bodies may sleep. *Over* means that the run was stopped after {LIMIT:g} s of "
+        "processor time. Overlap, energy and error come from a second run, which is stopped after half of that time. "
+        "*Error* is the largest motion of a body that should stay, or the gap of a pin.\n\n"
     )
     (folder / "growth.md").write_text(f"{head}{markdown(runs)}\n", encoding="utf-8")
     figure(runs).savefig(folder / "growth.png", dpi=DPI)

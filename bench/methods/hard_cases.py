@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hard cases: who survives which, with the plane turned and the contact's phase shifted, not in one lucky position.
+"""Hard cases: which method survives which scene, with the plane turned and the phase of the contact shifted.
 
 Every world gets the scene's own sub-step. It fails by one letter each: N not finite, T through a wall, P overlap beyond
-0.1 mm, E energy created beyond 1 % of the largest about; e, no failure of a peer, is energy beyond rounding.
+0.1 mm, E energy created beyond 1 % of the largest energy; e, no failure of a peer, is energy beyond rounding.
 """
 
 import json
@@ -29,13 +29,14 @@ from haptic_sim.verify import CREATED, LEAST, OVERLAP
 from reference.trial import jump, turned_scene
 
 HEAD = (
-    "# Hard cases\n\nWritten by `python -m bench hard_cases`. Each scene is turned to several positions; a cell shows "
-    "the worst of them. The column *default* names the method that the scene gets. The meaning of the letters is below "
-    "the table.\n\n"
+    "# Hard cases\n\n`python -m bench hard_cases` writes this page. Each scene is turned to several positions, and a "
+    "cell shows the worst result. The column *default* names the method that the scene gets. The text below the table "
+    "explains the letters.\n\n"
 )
 LEGEND = (
-    "✓ survives · N not finite · T through a wall · P overlap beyond 0.1 mm · E creates more than 1 % of the "
-    "energy about · (e) creates more than rounding · – cannot model it"
+    "✓ survives · N a value is not finite · T a body passes through a wall · P overlap of more than 0.1 mm · "
+    "E creates more than 1 % of the largest energy in the run · (e) creates energy, more than rounding errors · "
+    "– the method cannot model the scene"
 )
 MANY, FEW = 6, 2
 ROUNDING, JUMP = 1e-7, 0.02  # share of the largest energy about; s
@@ -75,7 +76,7 @@ SIDES = {  # where a body must stay: (body, axis, least coordinate)
 
 
 class Verdict(NamedTuple):
-    """The worst of a sweep: letters of what failed, deepest overlap [m], energy created over the largest about."""
+    """The worst of a sweep: letters of what failed, deepest overlap [m], energy created over the largest energy."""
 
     scene: str
     world: str
@@ -117,7 +118,7 @@ def verdict(name: str, world: str, count: int) -> Verdict:
 
 
 def _attempt(name, kind, angle, phase):
-    """Letters, deepest overlap, energy created over the largest about."""
+    """Letters, deepest overlap, energy created over the largest energy."""
     scene = load(name)
     step = _STEP if name == "stiff_coupling" else reduce_scene(scene).sub_step
     times = np.arange(round(SECONDS[name] * 1e3) + 1) * 1e-3 + phase * step

@@ -86,11 +86,12 @@ def _report(runs, others, out, as_json):
 
 def _page(runs):
     return (
-        "# Speed against error\n\nWritten by `python -m bench speed_error`. The table shows for each scene `impulse`, "
-        "the default method (in bold) and `partitioned`, each at the step that the scene gives it. *Of an exchange* is "
-        "the share of the time of an exchange. The last columns compare with other engines: how many times faster the "
-        "best of `closed_form`, `partitioned` and `event_driven` is, at the smallest error that both sides reach. ✗ "
-        "marks a ratio below the goal: 15 for linkages against RK4, 5 for single contacts, 1 else.\n\n"
+        "# Speed against error\n\n`python -m bench speed_error` writes this page. For each scene the table shows "
+        "`impulse`, the default method (in bold) and `partitioned`, each with the step that the scene gives it. *Of an "
+        "exchange* is the wall time as a share of the simulated time. The last columns compare with other engines. "
+        "They show how many times faster the best of `closed_form`, `partitioned` and `event_driven` is, at the "
+        "smallest error that both sides reach. ✗ marks a ratio below the goal. The goal is 15 for linkages against "
+        "RK4, 5 for single contacts and 1 for all others.\n\n"
         f"{table.markdown(runs)}\n"
     )
 

@@ -61,22 +61,22 @@ class Display(NamedTuple):
 
 
 class Assessment(NamedTuple):
-    """What `assess` finds. Margins are positive on the safe side; an infinite need means that no damping is enough.
+    """Result of `assess`. A positive margin is safe; an infinite need means that no damping is enough.
 
     Attributes:
-        passive: whether b is beyond what the wall needs and friction covers the encoder step, for any operator.
+        passive: whether b is larger than the wall needs and friction covers the encoder step, for any operator.
         stable: whether the display is stable when nobody holds it.
         margin: physical damping beyond what the wall needs [N s/m].
         b_required: physical damping that the wall needs [N s/m].
-        binding_hz: frequency at which the wall's condition binds [Hz].
+        binding_hz: frequency at which the wall needs the most damping [Hz].
         coulomb_required: Coulomb friction that covers the encoder step [N].
         mu_passive: whether b is enough for a coupling with these gains to any passive simulation in step.
         mu_margin: margin of the μ test, see `mu_margin`.
-        b_required_mu: physical damping for such a coupling [N s/m], as the driver asks for it. A velocity lag is not
-            credited.
+        b_required_mu: physical damping for such a coupling [N s/m], as the driver requires it. A velocity lag does not
+            reduce it.
         stiffness_max_passive: largest stiffness of a passive wall [N/m].
         stiffness_max_stable: largest stiffness that is stable when nobody holds the device [N/m].
-        stiffness_max_mu: largest stiffness of such a coupling [N/m]; friction is not asked here.
+        stiffness_max_mu: largest stiffness of such a coupling [N/m]; friction is not part of this condition.
 
     Examples:
         >>> from haptic_device.analysis.assessment import Display, assess
@@ -109,7 +109,7 @@ def check_display(display: Display) -> None:
 
 
 def assess(display: Display) -> Assessment:
-    """Whether a display is passive and stable, with which margin, and up to which stiffness.
+    """Computes whether a display is passive and stable, its margins, and its largest stiffness.
 
     Raises ValueError if b, T or m is not above 0, K is below 0, or a value is not finite or beyond LIMITS.
 
@@ -149,9 +149,9 @@ def coulomb_friction_needed(
 ) -> Quantity:
     """Coulomb friction f_c [N] that covers the encoder step Δ: half of Δ Σ|h_k|, with h the impulse response of H.
 
-    The arguments broadcast. Each sample is off by at most Δ/2, so the force is off by at most that, and f_c takes at
-    least as much from every displacement. The condition on b stands beside it. For B ≥ 0 and no lag it is (K + 2B/T)
-    Δ/2 (Abbott & Okamura 2005 for B = 0). Raises ValueError if the resolution is below 0.
+    The arguments broadcast. Each sample has an error of at most Δ/2. So the error of the force is at most f_c, and
+    friction takes at least as much energy from every displacement. The condition on b holds in addition. For B ≥ 0 and
+    no lag it is (K + 2B/T) Δ/2 (Abbott & Okamura 2005 for B = 0). Raises ValueError if the resolution is below 0.
 
     Args:
         stiffness: K [N/m].
@@ -171,7 +171,7 @@ def coulomb_friction_needed(
 
 
 def advise(display: Display, assessment: Assessment) -> str:
-    """One sentence: what holds, and what to change if it does not.
+    """One sentence: whether the display is passive and stable, and what to change if it is not.
 
     Args:
         display: the device and its wall or coupling.

@@ -52,8 +52,8 @@ def delayed_demand(transfer: Response, period: float, fraction: float, angle: Ar
 def least_damping_delayed(transfer: AnyTransfer, period: float, delay_samples: float) -> LeastDamping:
     """Least physical damping with any H(z) and a loop delay, as a LeastDamping.
 
-    The condition is as exact as that of `least_damping`. Raises ValueError if the period is not above 0, or the
-    delay is below 0.
+    The condition is exact, as in `least_damping`. Raises ValueError if the period is not above 0, or the delay is below
+    0.
 
     Args:
         transfer: H(z), as in `least_damping`.
@@ -87,7 +87,7 @@ def wall_damping_needed(
 ) -> LeastDamping:
     """Least physical damping of a wall with a lagging velocity and a delay, as a LeastDamping. All arguments broadcast.
 
-    Exact, as `least_damping_delayed` is. Raises ValueError for a value out of range.
+    The condition is exact, as in `least_damping_delayed`. Raises ValueError for a value out of range.
 
     Args:
         stiffness: K [N/m].
@@ -117,10 +117,10 @@ def _wall_damping_needed(
 def largest_passive_stiffness(
     physical_damping: float, damping: float, period: float, velocity_lag: float = 0.0, delay_samples: float = 0.0
 ) -> float:
-    """Largest stiffness K [N/m] of a wall that the device shows passively; 0 if there is none. All arguments broadcast.
+    """Largest passive stiffness K [N/m] of a wall; 0 if there is none. All arguments broadcast.
 
-    The damping that is needed is a supremum of forms linear in K, so it is convex in K. It is at least KT/2, which is
-    the mean of (1) over θ for every delay and lag. So the passive stiffnesses are one interval, which ends at 2b/T or
+    The needed damping is a supremum of functions that are linear in K, so it is convex in K. It is at least KT/2, the
+    mean of (1) over θ for every delay and lag. So the passive stiffnesses form one interval, which ends at 2b/T or
     below. Raises ValueError for a value out of range.
 
     Args:

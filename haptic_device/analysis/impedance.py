@@ -79,15 +79,15 @@ def fit(
 ) -> Impedance | None:
     """Fits f = m a + b v + k x + c to the force of one axis, by least squares.
 
-    Samples that are not finite are left out. None where there are too few samples, or the axis
-    hardly moved. Method: see this module.
+    Samples that are not finite are left out. Returns None if there are too few samples, or if the axis hardly moved.
+    The method is in the docstring of this module.
 
     Args:
         time: rising [s], (samples).
         position: of the handle [m | rad], (samples).
         velocity: of the handle [m/s | rad/s], (samples).
-        force: that has to push against the display [N | N m], (samples).
-        groups: number of the contact of each sample, each with a constant c of its own.
+        force: needed to push against the display [N | N m], (samples).
+        groups: number of the contact of each sample; each contact has its own constant c.
 
     Examples:
         >>> import numpy as np

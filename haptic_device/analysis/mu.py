@@ -25,11 +25,11 @@ def mu_margin(transfer: AnyTransfer, period: float, physical_damping: float, del
     """Smallest margin of the μ test over all frequencies, without a unit; the display is passive if it is above 0.
 
     The μ test of Colgate, Stanley & Brown 1995, eqs. 4–5, with b₀ = b; see this module. −inf means that D is not
-    stable. A callable may broadcast parameters, and so may T and b, each with a last axis of length one. Raises
+    stable. A callable can broadcast parameters, and so can T and b, each with a last axis of length one. Raises
     ValueError if T or b is not above 0.
 
     Args:
-        transfer: as in `least_damping`; a callable is taken to give a stable D.
+        transfer: as in `least_damping`; a callable must give a stable D, which is not checked.
         period: T [s].
         physical_damping: b [N s/m].
         delay_samples: delay in the display's own loop, in periods.

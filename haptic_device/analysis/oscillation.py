@@ -70,7 +70,7 @@ def spectrum_of(force: Array, rate: float, known: float = 0.0) -> Spectrum:
     """Spectrum of a force, all axes together.
 
     Samples that are not finite count as 0. Raises ValueError if the force is shorter than one window, has no axis, or
-    has a rate that leaves no frequency above LOWEST.
+    has a rate too low for frequencies above LOWEST.
 
     Args:
         force: [N], (samples, axes).

@@ -21,11 +21,11 @@ from haptic_device.analysis.transfer import AnyTransfer, Response, Transfer, val
 
 
 class LeastDamping(NamedTuple):
-    """What a passivity condition asks of the device.
+    """Result of a passivity condition.
 
     Attributes:
-        damping: physical damping b that must be exceeded [N s/m]; infinite where none is enough.
-        frequency: angular frequency at which the condition binds [rad/s].
+        damping: physical damping b that must be exceeded [N s/m]; infinite if none is enough.
+        frequency: angular frequency at which the most damping is needed [rad/s].
 
     Examples:
         >>> from haptic_device.analysis.passivity import least_damping
@@ -63,9 +63,9 @@ def least_damping(transfer: AnyTransfer, period: float) -> LeastDamping:
     """Least physical damping for passivity with any H(z), as a LeastDamping.
 
     The condition is necessary and sufficient (Colgate, Stanley & Brown 1995, eq. 1; Colgate & Schenkel 1997). A
-    callable may broadcast parameters that have a last axis of length one, as may the period; the answer then has one
-    entry for each. With a pole on or outside the unit circle no damping is enough; a callable is taken to be stable.
-    Raises ValueError if the period is not above 0.
+    callable can broadcast parameters with a last axis of length one, and so can the period. The result then has one
+    entry for each. With a pole on or outside the unit circle no damping is enough. A callable must be stable; this is
+    not checked. Raises ValueError if the period is not above 0.
 
     Args:
         transfer: a Transfer, a pair (numerator, denominator) of coefficients from the highest power of z down, or a

@@ -30,7 +30,7 @@ def held_plant(mass: float, physical_damping: float, period: float, fraction: fl
         mass: m > 0 [kg].
         physical_damping: b ≥ 0 [N s/m].
         period: T > 0 [s].
-        fraction: part of a period, 0 ≤ s < 1, after which the force is switched.
+        fraction: part s of a period, 0 ≤ s < 1, after which the force changes.
 
     Examples:
         >>> from haptic_device.analysis.stability import held_plant
@@ -87,8 +87,8 @@ def spectral_radius(
 ) -> Quantity:
     """Largest magnitude of the loop's poles without an operator: below 1 the display is stable by itself.
 
-    At K = 0 the free position is a pole at exactly 1, which is left out. Stability is not passivity: an operator may
-    destabilize what is stable alone. Raises ValueError for a value out of range.
+    At K = 0 the position is free and gives a pole at exactly 1, which is left out. A stable display need not be
+    passive: an operator can make it unstable. Raises ValueError for a value out of range.
 
     Args:
         stiffness: K of the wall [N/m]; broadcasts.
@@ -123,7 +123,7 @@ def stable_ranges(
     delay_samples: float = 0.0,
     velocity_lag: float = 0.0,
 ) -> list[tuple[float, float]]:
-    """All intervals (low, high) of stiffness K > 0 [N/m] in which the loop is stable without an operator, rising.
+    """Intervals (low, high) of stiffness K > 0 [N/m] in which the loop is stable without an operator, in rising order.
 
     Raises ValueError for a value out of range.
 
@@ -165,8 +165,8 @@ def largest_stable_stiffness(
 ) -> float:
     """Stiffness K [N/m] at which stability is lost first when K rises from 0; 0 if there is none near K = 0.
 
-    The arguments broadcast. Stability may come back at a larger K; `stable_ranges` tells. With
-    B = 0 and a small bT/m it is near 2b/T, the passive limit. Raises ValueError for a value out of range.
+    The arguments broadcast. The loop can be stable again at a larger K; see `stable_ranges`. With B = 0 and a small
+    bT/m it is near 2b/T, the passive limit. Raises ValueError for a value out of range.
 
     Args:
         mass: m > 0 of the device [kg].

@@ -15,7 +15,7 @@ class Transfer(NamedTuple):
 
     Attributes:
         numerator: coefficients from the highest power of z down, (n).
-        denominator: the same of the denominator, (d).
+        denominator: coefficients of the denominator in the same order, (d).
 
     Examples:
         >>> from haptic_device.analysis.transfer import Transfer
@@ -33,7 +33,7 @@ class Transfer(NamedTuple):
         return cast(Complexes, np.polyval(self.numerator, z) / np.polyval(self.denominator, z))
 
     def poles(self) -> npt.NDArray[np.inexact]:
-        """Poles, those at the origin included."""
+        """All poles, also those at the origin."""
         return np.roots(self.denominator)
 
 
@@ -46,7 +46,7 @@ AnyTransfer = Response | tuple[npt.ArrayLike, npt.ArrayLike]
 def wall_transfer(
     stiffness: Quantity, damping: Quantity, period: Quantity, velocity_lag: Quantity = 0.0, delay_samples: float = 0
 ) -> Transfer:
-    """Spring and damper on a sampled position, H(z) [N/m]: the force on the device acts against the motion.
+    """Transfer function H(z) [N/m] of a spring and damper on a sampled position; its force acts against the motion.
 
     H(z) = K + B (z−1)/(T z) (Colgate, Stanley & Brown 1995, eq. 2). With a lag τ of the velocity the damper is
     B α (z−1)/(T (z−1+α)) with α = T/(T+τ), by backward Euler. Raises ValueError for a value out of range.
@@ -56,7 +56,7 @@ def wall_transfer(
         damping: B [N s/m].
         period: T > 0 [s].
         velocity_lag: time constant τ ≥ 0 of a first-order lag on the velocity [s].
-        delay_samples: a whole number of periods by which the force is late, a factor z^−N.
+        delay_samples: delay of the force, a whole number N of periods; a factor z^−N.
 
     Examples:
         >>> from haptic_device.analysis.transfer import wall_transfer
@@ -81,7 +81,7 @@ def delayed(transfer: Transfer, samples: float) -> Transfer: ...
 @overload
 def delayed(transfer: Response, samples: float) -> Response: ...
 def delayed(transfer: Response, samples: float) -> Response:
-    """H(z) z^−N: the transfer function, or any other callable, a whole number of samples late.
+    """H(z) z^−N: a transfer function, or any other callable, delayed by a whole number of samples.
 
     Raises ValueError if `samples` is not a whole number, at least 0.
 

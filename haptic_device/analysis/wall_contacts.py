@@ -18,7 +18,7 @@ class Contact(NamedTuple):
     Attributes:
         begin: when it began [s].
         end: when it ended [s].
-        force: strongest force on the hand meanwhile [N].
+        force: largest force on the hand during the contact [N].
 
     Examples:
         >>> from haptic_device.analysis.report.reading import read_run
@@ -54,7 +54,7 @@ def touching(rows: Records) -> Flags:
 
 
 def contacts(seconds: Array, touch: Flags, force: Array) -> list[Contact]:
-    """The contacts in the order of time. One that comes back within 20 ms is the same; one below 5 ms does not count.
+    """Contacts in order of time. Gaps below 20 ms are ignored, and so are contacts shorter than 5 ms.
 
     Args:
         seconds: time of each tick [s], (n).

@@ -54,14 +54,14 @@ class Setup(NamedTuple):
 
 
 class Operator(NamedTuple):
-    """What holds the handle. A tap comes from 2 mm before the wall at 0.1 m/s.
+    """Model of an operator who holds the handle. A tap starts 2 mm before the wall at 0.1 m/s.
 
     Attributes:
         mass: mass on the handle [kg].
         damping: damper on the handle [N s/m].
         stiffness: spring on the handle [N/m].
         push: constant force into the wall [N].
-        pressed: whether a run begins in the wall, a third deeper than at rest, and not with a tap.
+        pressed: whether a run begins in the wall, a third deeper than at rest, instead of with a tap.
 
     Examples:
         >>> from haptic_device.analysis.zwidth import Operator
@@ -97,12 +97,12 @@ OPERATORS = {
 
 
 class Outcome(NamedTuple):
-    """What the walls did, arrays over the cells of the plane.
+    """Result of the walls, as arrays over the cells of the plane.
 
     Attributes:
         assessment: 0 quiet, 1 gives energy, 2 shakes; NAMES has the words.
         energy_given: energy given to the operator [J].
-        growth: energy of the vibration in the last quarter of the run over that in the quarter before.
+        growth: energy of the vibration in the last quarter of the run, divided by that in the quarter before.
 
     Examples:
         >>> from haptic_device.analysis.zwidth import NAMES, Setup, operators_of, run_cells
@@ -127,10 +127,10 @@ def check_setup(setup: Setup) -> None:
 
 
 def operators_of(name: str) -> tuple[Operator, ...]:
-    """The operators behind a name.
+    """The operators of a name.
 
-    Each hand taps once and is pressed once; `worst` is a grid of pressed hands. Raises ValueError with one sentence for
-    another name.
+    Each hand has one run with a tap and one run pressed; `worst` is a grid of pressed hands. Raises ValueError with one
+    sentence for any other name.
 
     Args:
         name: none, light, firm or worst.
@@ -146,10 +146,9 @@ def operators_of(name: str) -> tuple[Operator, ...]:
 
 
 def run_cells(setup: Setup, operators: Sequence[Operator], stiffness: npt.ArrayLike, damping: npt.ArrayLike) -> Outcome:
-    """What walls do when operators tap them, as an Outcome: for each wall the worst result of the operators.
+    """Simulates operators that tap walls. Returns an Outcome with the worst result for each wall.
 
-    Each cell is a run in lock-step against the exact motion of the device. Raises ValueError for what cannot be a
-    device, a wall or a run.
+    Each cell is a run in lock-step against the exact motion of the device. Raises ValueError for a value out of range.
 
     Args:
         setup: the device.
@@ -205,14 +204,14 @@ def _assessment(setup: Setup, operator: Operator, outcomes: npt.NDArray[np.void]
 
 
 def theory(setup: Setup, damping: Array, lateness: float = 0.0) -> dict[str, Array]:
-    """Lines of theory over the damping B [N s/m], {name: largest K [N/m] at each B}.
+    """Theoretical limits over the damping B [N s/m], {name: largest K [N/m] at each B}.
 
-    The lines are `passive`, `stable` and, with a lateness, `late writes`. Raises ValueError for a value out of range.
+    The limits are `passive`, `stable` and, with a lateness, `late writes`. Raises ValueError for a value out of range.
 
     Args:
         setup: the device.
         damping: B [N s/m], (n).
-        lateness: writes are late by anything up to it [s], at most half a period.
+        lateness: largest delay of writes [s], at most half a period; smaller delays occur too.
 
     Examples:
         >>> import numpy as np

@@ -16,7 +16,7 @@ from haptic_device.os_errors import naming
 
 
 class Request(NamedTuple):
-    """What a map of the K–B plane is of.
+    """Device, operators and walls of a map of the K–B plane.
 
     Attributes:
         setup: the device.
@@ -42,8 +42,8 @@ class Plane(NamedTuple):
     """A map of the K–B plane.
 
     Attributes:
-        outcome: what the cells did, arrays (b, k).
-        done: which rows are done, (b).
+        outcome: results of the cells, arrays (b, k).
+        done: which rows are finished, (b).
 
     Examples:
         >>> import numpy as np
@@ -74,14 +74,14 @@ def draw_map(
 ) -> Plane:
     """Runs all cells of a map, row by row.
 
-    Raises ValueError with one sentence for values that cannot be, and for a scheduler that is not there.
+    Raises ValueError with one sentence for a value out of range, and for a scheduler that cannot be reached.
 
     Args:
-        request: what the map is of.
-        workers: number of threads; the cells run without the interpreter's lock.
+        request: device, operators and walls of the map.
+        workers: number of threads; the cells run without Python's interpreter lock.
         progress: called after each row with the number of rows that are done.
         scheduler: address of a Dask scheduler whose workers run the rows instead.
-        plane: an empty one to fill; what is done is in it if this is interrupted.
+        plane: an empty map to fill; after an interruption it has the finished rows.
 
     Examples:
         >>> import numpy as np
@@ -108,10 +108,10 @@ def draw_map(
 
 
 def boundaries(request: Request, plane: Plane, lateness: float = 0.0) -> dict[str, Array]:
-    """Largest stiffness [N/m] over the damping of a map's rows, {name: (b)}: as the map found it, and as theory says.
+    """Largest stiffness [N/m] for the damping of each row of a map, {name: (b)}: from the map, and from theory.
 
-    Up to `quiet` all cells are quiet; up to `not shaking` none shakes; the others are the lines of `zwidth.theory`. One
-    cell that is otherwise hides all above it, which may be quiet again.
+    Up to `quiet` all cells are quiet. Up to `not shaking` no cell shakes. The others are the limits of `zwidth.theory`.
+    A limit ends at the first cell that fails, even if cells at higher stiffness are quiet again.
 
     Args:
         request: what the map is of.

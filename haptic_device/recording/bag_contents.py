@@ -66,10 +66,10 @@ _SECOND = 1_000_000_000
 
 
 class Joints(NamedTuple):
-    """A JointState topic, as arrays over its n messages and m names. Units: PORT_UNITS and ENTRY_UNITS.
+    """A JointState topic as arrays: n messages, m names. Units: PORT_UNITS and ENTRY_UNITS.
 
-    The position of `motor` is its command in motor units. `wrench` has an effort only and `pose` a position only, each
-    by the names of the message's fields.
+    The position of `motor` is its command in motor units. `wrench` has only an effort, and `pose` has only a position.
+    Their names are those of the message fields.
 
     Attributes:
         names: names of the entries, (m).
@@ -128,23 +128,23 @@ class Mark(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Recording:
-    """What a bag holds from one namespace. Topics have short names: `trace`, `handle`, `operator/state`.
+    """Contents of a bag from one namespace. Topics have short names: `trace`, `handle`, `operator/state`.
 
     Attributes:
         bag: path of the bag.
         namespace: namespace of the topics, such as `/haptic`.
         joints: JointState topics, and wrench and pose, by short name.
         clouds: PointCloud2 topics as structured arrays, by short name.
-        diagnostics: what nodes said, {name: statuses, oldest first}.
+        diagnostics: statuses of nodes, {name: statuses, oldest first}.
         marks: markers, in the order of time.
         attachments: files in the bag, {name: bytes}.
         counts: messages of each topic, by full name.
-        skipped: gaps in the publisher's numbers of each topic, by full name: messages that the bag lacks.
-        lost: messages of each topic that were published and never came to the recorder, by full name. None where
-            several publish and nobody can tell.
-        orders: order of the stamps of each topic that has any, by full name.
+        skipped: gaps in the message numbers of each topic, by full name: messages that are not in the bag.
+        lost: messages of each topic that were published but did not reach the recorder, by full name. None if this is
+            unknown because several nodes publish.
+        orders: order of the stamps of each topic with stamps, by full name.
         seconds: from the first message to the last [s].
-        pairs: the same instants of the system clock and of CLOCK_MONOTONIC [ns], for `monotonic`.
+        pairs: simultaneous times of the system clock and of CLOCK_MONOTONIC [ns], for `monotonic`.
         notes: problems of the bag, one sentence each.
 
     Examples:

@@ -23,14 +23,14 @@ _NODE = "haptic_"  # begins the name of every node of ours
 def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] | None = None) -> Recording:
     """Reads a bag folder or one .mcap file. Needs no ROS.
 
-    Raises FileNotFoundError or ValueError with one sentence where there is nothing to read. A bag that is cut off or
-    damaged is read as far as it goes, and `notes` says so.
+    Raises FileNotFoundError or ValueError with one sentence if there is nothing to read. A bag that is cut off or
+    damaged is read as far as possible, and `notes` reports this.
 
     Args:
         bag: path of the bag.
-        namespace: needed only where the bag holds several devices.
-        only: the topics to read and which parts, for bags that would not fit into memory: {short name: Entries of a
-            JointState | structured type of a trace | None for all}; diagnostics and marks are read in any case.
+        namespace: needed only if the bag has several devices.
+        only: topics and parts to read, for bags that do not fit into memory: {short name: Entries of a JointState |
+            structured type of a trace | None for all}. Diagnostics and marks are always read.
 
     Examples:
         >>> from haptic_device.recording import load

@@ -73,11 +73,11 @@ class Found:
 
 
 def recovered(bag: Path) -> Iterator[str]:
-    """Repairs a bag that was cut off or damaged. Yields one sentence for each file: what was done.
+    """Repairs a bag that was cut off or damaged. Yields one sentence for each file about what was done.
 
-    What can be read goes into a file of the same name; the file as it was stays beside it as `NAME.mcap.damaged`.
-    metadata.yaml is written anew where it was missing or wrong. A file that is empty, no MCAP file or none of the bag's
-    is left alone. Raises FileNotFoundError, OSError or ValueError.
+    The readable part goes into a file of the same name. The old file is kept in the same folder as `NAME.mcap.damaged`.
+    metadata.yaml is written again if it was missing or wrong. A file that is empty, not an MCAP file or not part of the
+    bag is not changed. Raises FileNotFoundError, OSError or ValueError.
 
     Args:
         bag: a folder or one .mcap file.

@@ -16,7 +16,7 @@ from haptic_sim.protocol import Coupling, Planar, StepResult, World
 
 
 class HandleSample(NamedTuple):
-    """What the device side says of the handle.
+    """State of the handle and gains, as the driver sends them.
 
     Attributes:
         time_ns: time of the sample [ns].
@@ -26,8 +26,8 @@ class HandleSample(NamedTuple):
         damping: B of the coupling [N s/m].
         rotational_stiffness: K of the coupling about theta [N m/rad].
         rotational_damping: B of the coupling about theta [N m s/rad].
-        effort: what the exchange method ships beside the gains (docs/theory/exchange.md).
-        energy: energy that the exchange method ships [J].
+        effort: what the exchange method sends in addition to the gains (docs/theory/exchange.md).
+        energy: energy that the exchange method sends [J].
 
     Examples:
         >>> from haptic_sim.exchange.simulation import HandleSample

@@ -29,10 +29,10 @@ class ToolSample(NamedTuple):
     Attributes:
         position: of the tool's grip [m, m, rad].
         velocity: of the tool [m/s, m/s, rad/s].
-        force_on_tool: mean force of the coupling on the tool over the last sub-step [N, N, N m], or what the exchange
-            method has in its place.
+        force_on_tool: mean force of the coupling on the tool over the last sub-step [N, N, N m], or the value that the
+            exchange method sends instead.
         contact: whether the tool was in contact during the exchange.
-        energy: energy supplied at the tool's port so far [J], or what the exchange method ships.
+        energy: energy supplied at the tool's port so far [J], or what the exchange method sends.
 
     Examples:
         >>> from haptic_sim.exchange.simulation import HandleSample, Simulation
@@ -57,11 +57,11 @@ class Counters(NamedTuple):
     Attributes:
         exchanges: handle samples that were answered.
         sub_steps: sub-steps that the world made.
-        rejoined: times that a handle sample began a new time base.
+        rejoined: how often a handle sample started a new time base.
         max_contact_force: largest force of one pair of shapes [N].
         max_penetration: deepest overlap [m].
-        left_out: contacts beyond what the method can solve for at once; above 0 the motion is not to be trusted.
-        waited_ns: time between handle samples that the world did not make up [ns].
+        left_out: contacts that were too many for the method; above 0 the motion can be wrong.
+        waited_ns: time between handle samples that the world did not simulate [ns].
 
     Examples:
         >>> from haptic_sim.exchange.simulation import Simulation
@@ -89,10 +89,10 @@ class Energy(NamedTuple):
         kinetic: of all bodies now.
         potential: of gravity and springs now.
         supplied: work of the coupling on the tool.
-        contacts: taken by impacts, friction, stops and dry friction of joints, less what motors and belts gave. Of
-            `impulse` it is all that is lost but `numerical`.
-        correction: put in by putting joints and overlaps right; negative where that slowed the motion down.
-        dissipated: what was supplied, or was there at the start, and is stored no more.
+        contacts: taken by impacts, friction, stops and dry friction of joints, less what motors and belts gave. With
+            `impulse` it is all lost energy except `numerical`.
+        correction: added by the correction of joints and overlaps; negative if the correction slowed the motion down.
+        dissipated: energy supplied or present at the start that is no longer stored.
 
     Examples:
         >>> from haptic_sim.exchange.simulation import Simulation
@@ -112,7 +112,7 @@ class Energy(NamedTuple):
 
     @property
     def numerical(self) -> float:
-        """Lost to the sub-step's own damping and to dampers of springs; of `impulse`, by a tool that nothing pushes."""
+        """Lost by damping of the sub-step and of springs; with `impulse` only by a tool that nothing pushes."""
         return self.dissipated - self.contacts + self.correction
 
 
@@ -157,19 +157,19 @@ def kernels_of(reduced: ReducedScene, exchange_method: str) -> tuple[str, ...]:
 
 
 class Simulation:
-    """A scene behind a tool port, which answers handle samples. The same samples give the same bits.
+    """A scene behind a tool port, which answers handle samples. Equal samples give identical results.
 
-    Within an exchange the handle goes evenly from the sample before to the new one. Raises ValueError for a sub-step
-    out of range, and for bodies of your own where the method has no space.
+    Within an exchange the handle moves at constant speed from the last sample to the new one. Raises ValueError for a
+    sub-step out of range, and for `added` bodies if the method has no space.
 
     Args:
         reduced: the scene.
-        sub_step: step of the world [s], as reduced from the scene unless given.
-        max_catch_up: longest time between two handle samples that the world makes up [s]. A later sample, or one with
+        sub_step: step of the world [s]; by default that of `reduced`.
+        max_catch_up: longest time between two handle samples that the world simulates [s]. A later sample, or one with
             an earlier time, starts a new time base.
-        port: the exchange method at the tool; the direct one unless given.
-        added: puts bodies of your own into the `space` of the method `impulse`, and is called with the method at the
-            start and after each reset.
+        port: the exchange method at the tool; by default `direct`.
+        added: function that adds your bodies to the `space` of the method `impulse`; it is called with the method at
+            the start and after each reset.
 
     Examples:
         >>> from haptic_sim.exchange.simulation import HandleSample, Simulation
@@ -213,13 +213,13 @@ class Simulation:
 
     @classmethod
     def by_parameters(cls, reduced: ReducedScene, values: dict[str, Any], added: Added | None = None) -> "Simulation":
-        """As the parameters of haptic_simulation say, at a port of its own."""
+        """A simulation with these parameters of haptic_simulation and its own port."""
         limits = Limits(*(values[f"port_{name}"] for name in Limits._fields))
         port = port_of(values["exchange.method"], values["port_budget"], limits)
         return cls(reduced, values["sub_step"] or None, values["max_catch_up"], port, added)
 
     def reset(self) -> None:
-        """The scene's start again: bodies, energy and counters; the next handle sample starts a new time base."""
+        """Resets bodies, energy and counters to the scene's start; the next handle sample starts a new time base."""
         self.method.reset()
         if self._added is not None:
             self._added(self.method)
@@ -229,7 +229,7 @@ class Simulation:
         self.port.restart()
 
     def attach(self, port: Port) -> None:
-        """Begin at this port, which another world has left: the sums of that go on, its energy does not."""
+        """Takes over a port from another world: the sums of the port continue, its energy starts again."""
         self.port, self._coupled = port, None
         port.restart()
 
@@ -240,7 +240,7 @@ class Simulation:
         self.port.rejoin()
 
     def exchange(self, handle: HandleSample, most: int | None = None) -> ToolSample:
-        """Advances to the handle's time, by at most `most` sub-steps, and answers; what is beyond them is left out.
+        """Advances to the time of the handle sample and answers. Sub-steps beyond `most` are left out.
 
         Raises ValueError if a gain is negative or not finite.
         """

@@ -12,14 +12,14 @@ from haptic_sim.film.reading import film_of
 
 
 def write_film(runs: list[Run], folder: Path, show: Callable[[int, str], None] = lambda done, what: None) -> list[Path]:
-    """Writes film.html of one run or two, and film.gif of the first, into a folder; their paths.
+    """Writes film.html of one or two runs, and film.gif of the first, into a folder; returns their paths.
 
-    Raises ValueError for a run of which nothing can be seen, OSError if it cannot be written.
+    Raises ValueError for a run with nothing to show, and OSError if a file cannot be written.
 
     Args:
         runs: from `read_run`.
-        folder: is made if it is not there.
-        show: called on the way with the number of films that are read and what is done next.
+        folder: created if it does not exist.
+        show: called during the work with the number of runs that are read and the next step.
 
     Examples:
         >>> from pathlib import Path

@@ -58,8 +58,8 @@ _PLACES = _BODY.BODY_ID | _BODY.POSITION | _BODY.ANGLE | _BODY.VELOCITY | _BODY.
 class PymunkWorld:
     """The method `impulse`: the scene as `space`, a pymunk.Space in SI units, stepped by `sub_step` [s]. A `World`.
 
-    What is added to the space moves with it and is swept like the scene: bodies, constraints, collision callbacks. It
-    stays until the next reset. Model: see this module.
+    You can add bodies, constraints and collision callbacks to the space. They are simulated like those of the scene,
+    until the next reset. The docstring of this module explains the model.
 
     Args:
         reduced: the scene.
@@ -96,7 +96,7 @@ class PymunkWorld:
         self.reset()
 
     def reset(self) -> None:
-        """Everything back to the scene's start, with the same gains; what was added to the space is gone with it."""
+        """Puts everything back to the scene's start, with the same gains; removes what was added to the space."""
         filled, model = fill(self._reduced, self._h), self._reduced.model
         self.space, self._bodies, self._tool = filled.space, filled.bodies, filled.bodies[0]
         self._dampers, stops = filled.joints

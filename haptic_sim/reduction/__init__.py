@@ -23,18 +23,18 @@ ASKED = "the parameter method asks for it"
 
 
 class Needs(NamedTuple):
-    """What has to be modelled in a scene.
+    """What the model of a scene must contain.
 
     Attributes:
-        moving: bodies that can move, the tool first.
+        moving: bodies that can move, with the tool first.
         at_rest: movable bodies that nothing can ever move.
         dof: degrees of freedom that the joints leave at the start.
         touching: pairs of bodies that can ever touch.
         apart: pairs of shapes that are left out because they never touch.
-        friction: whether there is any.
-        restitution: whether there is any.
-        rotation: whether the turning of the tool has anything to do with its other motion.
-        axes: directions in which contact acts, where each can be solved by itself in closed form; else None.
+        friction: whether there is friction.
+        restitution: whether there is restitution.
+        rotation: whether the rotation of the tool affects its other motion.
+        axes: directions in which contact acts, if each can be solved separately in closed form; else None.
 
     Examples:
         >>> from haptic_sim.reduction import reduce_scene
@@ -56,19 +56,19 @@ class Needs(NamedTuple):
 
 
 class ReducedScene(NamedTuple):
-    """A scene ready to be simulated.
+    """A scene with its model, ready for simulation.
 
     Attributes:
         scene: the scene.
-        model: the least model of it, as arrays.
-        places: where the bodies are in the model, by name.
+        model: the smallest model of the scene, as arrays.
+        places: indices of the bodies in the model, by name.
         shape_names: name of the body of each shape in the model.
-        needs: what has to be modelled.
-        method: simulation method that it gets.
+        needs: what the model must contain.
+        method: simulation method of the scene.
         sub_step: [s].
         inside: longest step that `impulse` takes within its sub-step [s].
         reasons: why this method, and why this sub-step, one sentence each.
-        unkept: why the scene's `error` is not kept, where that is known; or "".
+        unkept: why the `error` of the scene is not reached, if this is known; or "".
 
     Examples:
         >>> from haptic_sim.reduction import reduce_scene
@@ -91,14 +91,13 @@ class ReducedScene(NamedTuple):
 
 
 def reduce_scene(scene: Scene, method: str | None = None) -> ReducedScene:
-    """The least model of a scene, and the method and sub-step that it gets.
+    """Computes the smallest model of a scene, and its method and sub-step.
 
-    Raises ValueError if the wish cannot be granted.
+    Raises ValueError if the method cannot simulate the scene.
 
     Args:
         scene: the scene.
-        method: what the parameter of this name asks for, whatever the scene asks for; `auto` or None leaves it to the
-            scene.
+        method: a method that replaces the choice of the scene; `auto` or None keeps the choice of the scene.
 
     Examples:
         >>> from haptic_sim.reduction import reduce_scene

@@ -24,12 +24,12 @@ Flying = list[tuple[int, int, int, Any]]
 
 
 class Network(NamedTuple):
-    """What delays and loses the samples between driver and simulation. Either way has half of delay and jitter.
+    """Delay and loss of samples between driver and simulation. Each direction has half of delay and jitter.
 
     Attributes:
-        delay: of a handle sample and its answer together [s].
+        delay: round trip of a handle sample and its answer [s].
         jitter: largest deviation from the delay, evenly distributed [s].
-        loss: share of the exchanges that are lost, 0…1; each way has its own losses.
+        loss: share of the exchanges that are lost, 0…1; each direction loses samples independently.
         seed: of the random numbers.
 
     Examples:
@@ -55,10 +55,10 @@ class Played(Protocol):
 
 
 class Lockstep:
-    """Servo, device model and simulation in one process, without clock and ROS. The same values give the same bits.
+    """Servo, device model and simulation in one process, without clock and ROS. Equal values give identical results.
 
-    Raises ValueError where values do not fit together. A handle sample is taken in every exchange period from the
-    newest tick; its answer counts from the first tick that is at least the delay later.
+    Raises ValueError if values do not fit together. In every exchange period the newest tick gives a handle sample. Its
+    answer is used from the first tick after the delay on.
 
     Args:
         device: the device, as the driver has it.
@@ -66,8 +66,8 @@ class Lockstep:
         loopback: all parameters of these nodes, {name: value}.
         simulation: the world behind the exchange, or None for a handle in free space.
         network: the network between driver and simulation.
-        write_delay: from each deadline to the motor's write [s].
-        hand: a recorded motion in place of the loopback's script.
+        write_delay: time from each deadline to the write to the motor [s].
+        hand: a recorded motion that replaces the script of the loopback.
 
     Examples:
         >>> from haptic_device.description import load_device

@@ -59,11 +59,11 @@ class Point(NamedTuple):
 class LockstepBag:
     """A bag of a lock-step run, with the topics of live nodes: `trace`, `snapshot`, `handle`, `operator/state`.
 
-    Raises ValueError if the folder holds something, and OSError if the disk is full.
+    Raises ValueError if the folder is not empty, and OSError if the disk is full.
 
     Args:
         folder: a new or empty folder.
-        system: the run, not begun.
+        system: the display; its run must not have started.
         point: its operating point.
 
     Examples:
@@ -117,7 +117,7 @@ class LockstepBag:
             self._write("operator/state", self._truth(now), now)
 
     def break_off(self) -> None:
-        """Ends the bag with all that was played, as far as the disk takes that."""
+        """Ends the bag with all rows so far, as far as the disk has space."""
         with contextlib.suppress(OSError):
             self._write_rows()
         with contextlib.suppress(OSError):

@@ -39,7 +39,7 @@ class Hand(NamedTuple):
     """A recorded motion.
 
     Attributes:
-        played: what plays it into a `Lockstep`, as its `hand`.
+        played: the argument `hand` of a `Lockstep`.
         seconds: its length [s].
 
     Examples:
@@ -54,11 +54,11 @@ class Hand(NamedTuple):
 
 
 def recorded(bag: Path, namespace: str | None = None) -> Recording:
-    """The bag at this path, with what a replay needs of it, as a `Recording`; errors as in `load`.
+    """Loads the parts of a bag that a replay needs, as a `Recording`; errors as in `load`.
 
     Args:
         bag: path of the bag.
-        namespace: needed only where the bag holds several devices.
+        namespace: needed only if the bag has several devices.
 
     Examples:
         >>> from pathlib import Path
@@ -76,8 +76,8 @@ def hand_of(recording: Recording, as_device: bool) -> Hand:
 
     Args:
         recording: from `recorded`.
-        as_device: the handle is where it was, whatever the display does; else the hand's target is played, and the
-            handle gives way.
+        as_device: if true, the handle repeats its recorded positions, whatever the display does. Else the hand's target
+            is replayed, and the forces of the display move the handle.
 
     Examples:
         >>> from pathlib import Path
@@ -115,7 +115,7 @@ def _target(recording: Recording, begin: float, end: float) -> PlayedTarget:
 
 
 def given_at(params: str | None) -> dict[str, dict[str, Any]]:
-    """Values of an operating point, a name in config/ or a file: {node: {parameter: value}}; empty for None.
+    """Reads an operating point by name or file: {node: {parameter: value}}; empty for None.
 
     Raises ValueError or FileNotFoundError with one sentence.
 
@@ -131,7 +131,7 @@ def given_at(params: str | None) -> dict[str, dict[str, Any]]:
 
 
 def recorded_point(recording: Recording, given: dict[str, dict[str, Any]]) -> Point:
-    """The operating point that a bag was recorded with, with other values in place of its own.
+    """The operating point of a recording, with some values replaced.
 
     Raises ValueError with one sentence.
 
@@ -156,11 +156,11 @@ def recorded_point(recording: Recording, given: dict[str, dict[str, Any]]) -> Po
 
 
 def replay(hand: Hand, point: Point, network: Network, bag: Path) -> float:
-    """Plays a recorded hand at an operating point into a new bag; the processor's time for a second of it [s].
+    """Replays a recorded hand at an operating point into a new bag; returns processor time per simulated second [s].
 
-    The first step does not count for the time, as functions are compiled in it. Raises ValueError with one sentence for
-    an operating point that the driver would refuse, and OSError where the disk takes no more: the bag then ends with
-    what it has, and standard error says where it is.
+    The time does not include the first step, which compiles functions. Raises ValueError with one sentence for an
+    operating point that the driver would refuse. Raises OSError if the disk is full: the bag then ends with what it
+    has, and standard error says where it is.
 
     Args:
         hand: from `hand_of`.

@@ -56,7 +56,7 @@ _LIGHT: dict[str, Any] = {"fontsize": 9, "path_effects": [withStroke(linewidth=2
 
 
 def save(scene: Scene, path: str | os.PathLike[str]) -> None:
-    """Writes a picture of the scene as PNG: bodies, joints, measures, the way of the suggested motion, in mm.
+    """Writes a picture of the scene as PNG: bodies, joints, measures, the path of the suggested motion, in mm.
 
     Raises OSError if it cannot be written.
 

@@ -32,7 +32,7 @@ Limits = Annotated[tuple[Number, Number], AfterValidator(_about_zero)]
 
 
 class Joint(Part):
-    """Holds two bodies together. Joined bodies do not touch each other unless `collide`.
+    """Connects two bodies. Joined bodies do not touch each other unless `collide` is true.
 
     Attributes:
         name: name of the joint, or "".
@@ -65,7 +65,7 @@ class Joint(Part):
         return self
 
     def places(self, a: Solid | None, b: Solid | None) -> tuple[Point, Point]:
-        """Points of the plane [m] where the joint holds on to its bodies at the start; None is the world."""
+        """Points of the plane [m] where the joint is fixed to its bodies at the start; None is the world."""
         if self.anchors is None:
             assert self.at is not None
             return self.at, self.at
@@ -73,7 +73,7 @@ class Joint(Part):
         return turned(on_a, a.pose) if a else on_a, turned(on_b, b.pose) if b else on_b
 
     def forbidden(self, vector: Point) -> Point:
-        """The part of a vector from anchor to anchor, or of its rate, at the start, that the joint does not let be."""
+        """Component of the vector from anchor to anchor, or of its rate, at the start, that the joint keeps zero."""
         return vector
 
     @property
@@ -117,7 +117,7 @@ class Joint(Part):
 
 
 class Weld(Joint):
-    """Makes one of two bodies.
+    """Joins two bodies rigidly.
 
     Attributes:
         bodies: names of the two; `world` is the plane.
@@ -139,14 +139,14 @@ class Weld(Joint):
 
 
 class Spring(Joint):
-    """Pulls two points towards a distance.
+    """Pulls or pushes two points towards a given distance.
 
     Attributes:
         bodies: names of the two; `world` is the plane.
         anchors: a point of each body's frame [m, m].
         stiffness (float): [N/m].
         damping (float): along the line between the points [N s/m].
-        rest (float | None): distance without force [m]; as at the start unless given.
+        rest (float | None): distance without force [m]; by default the distance at the start.
 
     Examples:
         >>> from haptic_sim.scene.joints import Spring
@@ -273,17 +273,17 @@ class Pin(LowerPair):
 
 
 class Slider(LowerPair):
-    """Body b goes along an axis of body a and does not turn. The coordinate is the way, 0 at the start.
+    """Body b moves along an axis of body a and does not turn. The coordinate is the distance moved, 0 at the start.
 
     Attributes:
         bodies: names of a and b; `world` is the plane.
         at: point of the plane [m, m]. Give this or `anchors`.
         anchors: a point of each body's frame [m, m].
         axis (Point): direction in the plane at the start, of any length; it is fixed in body a.
-        limits: least and largest way [m], which enclose 0; or None.
-        stiffness (float): of a spring on the way [N/m].
-        damping (float): of a damper on the way [N s/m].
-        rest (float): way to which the spring pulls [m].
+        limits: least and largest coordinate [m], which enclose 0; or None.
+        stiffness (float): of a spring on the coordinate [N/m].
+        damping (float): of a damper on the coordinate [N s/m].
+        rest (float): coordinate to which the spring pulls [m].
         friction_force (float): Coulomb friction [N].
         motor: a LinearMotor, or None.
 
@@ -311,7 +311,7 @@ class Slider(LowerPair):
         return self.axis[0] / length, self.axis[1] / length
 
     def forbidden(self, vector: Point) -> Point:
-        """The part of a vector from anchor to anchor, or of its rate, at the start, that lies across the axis."""
+        """The part of a vector from anchor to anchor, or of its rate, at the start, perpendicular to the axis."""
         x, y = self.unit_axis
         across = vector[0] * -y + vector[1] * x
         return across * -y, across * x
@@ -328,7 +328,7 @@ class Slider(LowerPair):
 
     @property
     def friction(self) -> float:
-        """Coulomb friction against the way [N]."""
+        """Coulomb friction against the motion [N]."""
         return self.friction_force
 
 

@@ -32,7 +32,7 @@ class SceneError(ConfigError):
     """A scene that cannot be used: one sentence with file, place in the file, value and what to do.
 
     Attributes:
-        found: one sentence for each thing that is wrong, without the name of the file.
+        found: one sentence for each error, without the name of the file.
 
     Examples:
         >>> from haptic_sim.scene.language import SceneError, load
@@ -74,7 +74,7 @@ class Measure(Part):
         return self
 
     def fraction(self, pose: tuple[float, float, float]) -> float:
-        """Fraction of the way with the body at `pose` (x, y, theta) [m, m, rad]."""
+        """Fraction of the motion with the body at `pose` (x, y, theta) [m, m, rad]."""
         return (self._come(pose) - self.start) / (self.end - self.start)
 
     def _come(self, pose: tuple[float, float, float]) -> float:
@@ -86,22 +86,22 @@ class Measure(Part):
 
 
 class Task(Part):
-    """What people do in a scene, in words.
+    """A task for a person in a scene, in words.
 
-    It is done when each measure of `done` has reached its fraction, and the hand feels `force` in contact, if that is
-    given.
+    The task is done when each measure of `done` has reached its fraction and, if `force` is given, the hand has felt
+    this force in contact.
 
     Attributes:
         title (str): name of the task.
         goal (str): what to do.
         hint (str): how to do it.
         done (dict[str, float]): {measure: least fraction}.
-        force (float | None): force on the hand that is asked for [N], or None.
-        words (str): how far it is; `{percent}` stands for the number.
-        next: name of the scene that is offered when all is done.
-        way (tuple[Pose, ...]): poses that the tool is shown to go through [m, m, rad]; where there are none, those of
-            the scene's motion.
-        seconds (float): time in which the tool is shown to go there [s].
+        force (float | None): required force on the hand [N], or None.
+        words (str): text for the progress; `{percent}` stands for the number.
+        next: name of the scene that is offered after the task.
+        way (tuple[Pose, ...]): poses of the tool that are shown as a guide [m, m, rad]; if there are none, those of the
+            scene's motion.
+        seconds (float): time of this motion in the guide [s].
 
     Examples:
         >>> from haptic_sim.scene.language import load
@@ -135,25 +135,25 @@ class Task(Part):
 
 
 class Scene(Part):
-    """A named environment with a tool in it. Nothing in it can be changed.
+    """A named environment with a tool. It is immutable.
 
-    The plane is x right, y up, theta counter-clockwise; a shape is given in its body's frame. Two materials in contact
-    act by the geometric mean of their friction and of their restitution.
+    The plane is x right, y up, theta counter-clockwise; a shape is given in its body's frame. The friction of a contact
+    is the geometric mean of that of both materials; so is its restitution.
 
     Attributes:
         name: name of the scene.
         description: what it shows.
         gravity: acceleration along x and y [m/s²].
-        method: simulation method that is asked for, or None.
-        sub_step (float | None): step that is asked for [s], or None.
-        error (float): error that is asked for, relative, of the fastest motion.
+        method: simulation method that the scene asks for, or None.
+        sub_step (float | None): step that the scene asks for [s], or None.
+        error (float): largest relative error that the scene accepts, for the fastest motion.
         materials: {name: material}.
         bodies: fixed and movable bodies.
-        joints: what holds bodies together.
+        joints: connections between bodies.
         tool: the tool.
         measure: {name: measure}.
-        motion: motion that is suggested to the hand: parameters `motion.*` of haptic_loopback.
-        task: what people do in it, or None.
+        motion: suggested motion of the hand: parameters `motion.*` of haptic_loopback.
+        task: task for a person in the scene, or None.
 
     Examples:
         >>> from haptic_sim.scene.language import load
@@ -210,7 +210,7 @@ class Scene(Part):
 
     @property
     def kept_apart(self) -> set[frozenset[str]]:
-        """Pairs of bodies that do not touch since a joint that is not a spring holds them together."""
+        """Pairs of bodies that cannot touch because a joint that is not a spring connects them."""
         return {frozenset(joint.bodies) for joint in self.joints if joint.holds and not joint.collide}
 
     @property
@@ -236,7 +236,7 @@ class Scene(Part):
 
 
 def load(name: str | Path) -> Scene:
-    """The scene of this name in config/scenes, or in the YAML file at this path. Raises SceneError.
+    """Loads the scene of this name in config/scenes, or of the YAML file at this path. Raises SceneError.
 
     Args:
         name: a name, or the path of a file.
@@ -258,9 +258,9 @@ def load(name: str | Path) -> Scene:
 
 
 def parse(content: Any, source: str) -> Scene:
-    """The scene that a mapping describes, as the YAML file has it.
+    """Makes a scene from a mapping with the keys of the YAML file.
 
-    Raises SceneError: its text is the first thing that is wrong, and its `found` has all of them.
+    Raises SceneError: its text is the first error, and its `found` has all errors.
 
     Args:
         content: the mapping.

@@ -61,8 +61,8 @@ class Polygon(Shape):
     """A convex polygon; `{vertices: […]}` in YAML.
 
     Attributes:
-        vertices (tuple[Point, ...]): corners in the body's frame [m, m], in either sense; they come back
-            counter-clockwise.
+        vertices (tuple[Point, ...]): corners in the body's frame [m, m], in clockwise or counter-clockwise order; they
+            are stored counter-clockwise.
 
     Examples:
         >>> from haptic_sim.scene.shapes import Polygon
@@ -123,7 +123,7 @@ class Box(KeyedShape):
     Attributes:
         size (tuple[float, float]): width and height [m, m].
         center: in the body's frame [m, m].
-        angle (float): by which it is turned, counter-clockwise [rad].
+        angle (float): rotation, counter-clockwise [rad].
 
     Examples:
         >>> from haptic_sim.scene.shapes import Box
@@ -252,10 +252,10 @@ class Body(Solid):
         name: name of the body.
         pose: of its frame at the start [m, m, rad].
         velocity: at the start [m/s, m/s, rad/s].
-        layers: numbers of its layers; without any it touches nothing.
+        layers: numbers of its layers; a body without layers touches nothing.
         material: name of its material, or None for neither friction nor restitution.
         shapes (tuple[AnyShape, ...]): one or more shapes.
-        fixed: whether it stands still.
+        fixed: whether it cannot move.
         mass (float | None): [kg], evenly spread over the shapes unless `inertia` is given.
         inertia (float | None): about the mass centre [kg m²].
         surface_velocity: of a belt, a fixed body whose surface runs, in the body's frame [m/s, m/s].
@@ -298,9 +298,9 @@ class Body(Solid):
 
 
 class Tool(Solid):
-    """The body that the coupling moves. The origin of its frame is the grip, and its mass centre is taken to be there.
+    """The body that the coupling moves. The origin of its frame is the grip and is used as its mass centre.
 
-    So the coupling's force and torque act at the mass centre and do not mix.
+    So the force of the coupling acts at the mass centre and causes no torque.
 
     Attributes:
         pose: of the grip at the start [m, m, rad].

@@ -122,8 +122,8 @@ def test_the_table_has_the_worst_of_the_hard_cases_and_the_least_speed_ratio(tmp
     table = results.markdown(kept)
     assert "| hard cases survived by the method chosen | 2 of 2 | all |" in table
     assert "| deepest overlap of these | 2 µm | ≤ 100 µm |" in table
-    assert "| energy created in these, of the largest about | 0.001 % | ≤ 1 % |" in table
-    assert "| least error, worst of 1 scenes | 0.1 % of the way |" in table
+    assert "| energy created in these, of the largest energy | 0.001 % | ≤ 1 % |" in table
+    assert "| least error, worst of 1 scenes | 0.1 % of the distance moved |" in table
     assert "| least speed ratio at equal error, single contact, to pymunk | 8 × | ≥ 5 |" in table
     (kept / "hard_cases.json").write_text(json.dumps({"verdicts": [cases[0] | {"overlap_m": None, "survives": False}]}))
     assert "| deepest overlap of these | – µm |" in results.markdown(kept)

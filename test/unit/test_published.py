@@ -82,7 +82,7 @@ def test_a_wrong_number_fails_the_table_and_writes_no_page(folder, tmp_path):
     assert "**left**" in done.stdout
     assert done.stderr.strip() == (
         "bench: 1 of 1 published results out of tolerance: Gil, Sánchez, Hulin, Preusche and Hirzinger 2009, "
-        "exact largest stable stiffness over (b + B)/(T/2 + delay), six loops"
+        "exact largest stable stiffness divided by (b + B)/(T/2 + delay), six loops"
     )
     assert not (tmp_path / "page.md").exists()
 

@@ -22,13 +22,13 @@ _WORDS = {GOOD: "Good.", WARN: "Look at this.", BAD: "Not good."}
 
 
 def write_report(runs: list[Run], folder: Path, left_out: Sequence[str] = ()) -> Path:
-    """Writes report.html and its figures into a folder; the path of the page.
+    """Writes report.html and its figures into a folder; returns the path of the page.
 
     The page needs no network and no other file. Raises ValueError for too many runs, OSError if it cannot be written.
 
     Args:
         runs: from `read_run`.
-        folder: is made if it is not there.
+        folder: created if it does not exist.
         left_out: sentences about recordings that are not shown.
 
     Examples:

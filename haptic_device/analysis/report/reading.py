@@ -39,14 +39,14 @@ LEFT_OUT = (
 
 
 def read_run(bag: Path | str, namespace: str | None = None) -> Run:
-    """The run in a bag, with the columns that a report shows.
+    """Reads the run in a bag, with the columns that a report shows.
 
-    A bag without a trace is read by its other topics. Raises FileNotFoundError or ValueError with one sentence if
-    nothing of it can be shown.
+    If a bag has no trace, the other topics are read. Raises FileNotFoundError or ValueError with one sentence if there
+    is nothing to show.
 
     Args:
         bag: path of the bag.
-        namespace: needed only where the bag holds several devices.
+        namespace: needed only if the bag has several devices.
 
     Examples:
         >>> from haptic_device.analysis.report.reading import read_run

@@ -26,9 +26,9 @@ AVERAGED = 8  # ticks, where only the servo's own columns are there
 
 @dataclass
 class Run:
-    """A recording and what is computed from it. A property raises ValueError if the recording lacks what it needs.
+    """A recording and results computed from it. A property raises ValueError if its data is not in the recording.
 
-    Time 0 is the first tick with the motor engaged, or the first message where there is no trace.
+    Time 0 is the first tick with the motor engaged, or the first message if there is no trace.
 
     Attributes:
         recording: the recording.
@@ -100,7 +100,7 @@ class Run:
 
     @property
     def begun(self) -> datetime | None:
-        """When the recording began, in this machine's time zone; None in lock-step, which knows no date."""
+        """When the recording began, in this machine's time zone; None in lock-step, which has no date."""
         if self.recording.last_values("haptic_driver").get("realtime") == "lock-step":
             return None
         system = self.recording.pairs[0]
@@ -109,7 +109,7 @@ class Run:
 
     @cached_property
     def scene(self) -> str:
-        """Name of the scene, or "" where it was not recorded."""
+        """Name of the scene, or "" if it was not recorded."""
         said = self.recording.last_values("haptic_simulation").get("scene", "")
         attached = [name for name in self.recording.attachments if name.startswith("scene/")]
         return Path(said or (attached[0] if attached else "")).stem
@@ -121,7 +121,7 @@ class Run:
         return (self.recording.monotonic(time) - self.rows["deadline"][0]) * 1e-9
 
     def places(self, axis: int) -> dict[str, tuple[Array, Array]]:
-        """Of handle and tool: times [s] and place [m | rad]. Raises ValueError if there is neither."""
+        """Of handle and tool: times [s] and positions [m | rad]. Raises ValueError if there are none."""
         if not self.traced:
             return self._by_topic({"handle": "handle", "tool": "tool"}, "position", axis)
         there = self.rows["tool_age"] >= 0
@@ -132,7 +132,7 @@ class Run:
         }
 
     def forces(self, axis: int) -> dict[str, tuple[Array, Array]]:
-        """On the handle in all, and of the coupling: times [s] and force [N | N m]. Raises ValueError if neither."""
+        """Total on the handle, and of the coupling: times [s] and forces [N | N m]. Raises ValueError without any."""
         if not self.traced:
             return self._by_topic({"on handle": "motor", "of the coupling": "handle"}, "effort", axis)
         columns = {"on handle": "force_on_handle", "of the coupling": "force_coupling"}
@@ -163,13 +163,13 @@ class Run:
 
     @property
     def given(self) -> Array:
-        """Energy [J] given to the operator by the truth since its first sample here, at each sample of the truth."""
+        """Energy [J] truly given to the operator since the first true sample here, at each true sample."""
         given = self.ground_truth.entry("energy_given")
         return given - given[:1]
 
     @property
     def booked(self) -> npt.NDArray[np.floating]:
-        """Energy [J] given to the operator by the servo's account since the first tick here, at each tick."""
+        """Energy [J] given to the operator since the first tick here, as the servo counts it, at each tick."""
         booked = self.rows["energy_given"]
         return (booked - booked[0]).sum(axis=1)
 
@@ -184,7 +184,7 @@ class Run:
     def tool_energy(self) -> npt.NDArray[np.float32]:
         """Work [J] of the coupling on the tool up to each tick, by the tool samples as the servo got them (trapezoids).
 
-        The energy that the trace itself has of a tool sample is what the exchange ships, another thing.
+        The energy of a tool sample in the trace is another quantity: the energy that the exchange method sends.
         """
         work, known = np.zeros(len(self.rows) - 1, np.float32), self.rows["tool_age"][:-1] >= 0
         for axis in range(len(AXES)):
@@ -233,22 +233,23 @@ class Run:
 
     @cached_property
     def physical_damping(self) -> Array:
-        """b of each axis [N s/m, N m s/rad] as the driver says it; NaN where it does not."""
+        """b of each axis [N s/m, N m s/rad] as the driver reports it; NaN if it does not."""
         said = self.recording.last_values("haptic_driver").get("physical_damping", "")
         values = [number(word) for word in said.split(",") if word.strip()]
         return np.array((values + [np.nan] * 3)[:3])
 
     @cached_property
     def impedances(self) -> dict[tuple[str, str], Impedance]:
-        """Of the `fits` those that tell something: in contact, only fits that explain the force."""
+        """The useful `fits`: in contact, only fits that explain the force."""
         return {(kind, axis): found for (kind, axis), found in self.fits.items() if _telling(kind, found)}
 
     @cached_property
     def fits(self) -> dict[tuple[str, str], Impedance]:
         """What the display added to the device: {(contact | free, axis): fit of minus the motor's force}.
 
-        In contact only while the tool stood still and the handle moved, and by the way from the tool: a tool that is
-        moved is an input of its own. Nor would the hand's force do: in the closed loop the fit would find its spring.
+        In contact the fit uses only times at which the tool stood still and the handle moved, and it uses the distance
+        from the tool, because a moving tool is a second input. The fit does not use the force of the hand: in the
+        closed loop it would find the spring of the hand.
         """
         time, parts = self._felt()
         place = np.clip(np.searchsorted(self.seconds, time, side="right") - 1, 0, len(self.seconds) - 1)

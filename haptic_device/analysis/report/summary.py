@@ -23,10 +23,10 @@ _MICRO, _MILLI = 1e6, 1e3
 
 
 def engaged_rows(trace: Records) -> Records:
-    """Rows of the trace with the motor engaged. Raises ValueError if there are less than two.
+    """Rows of the trace with the motor engaged. Raises ValueError if there are fewer than two.
 
     Args:
-        trace: a structured array, a row a tick.
+        trace: a structured array, one row for each tick.
 
     Examples:
         >>> from haptic_device.analysis.report.summary import engaged_rows
@@ -53,9 +53,9 @@ def period(rows: Records) -> float:
 
 
 def servo_figures(rows: Records) -> dict[str, Any]:
-    """Of the servo: rate [Hz], ticks, missed ticks, quantiles of lateness and of a tick's own work [µs].
+    """Figures of the servo: rate [Hz], ticks, missed ticks, quantiles of lateness and of computing time [µs].
 
-    A figure is None where the rows lack it.
+    A figure is None if its data is not in the rows.
 
     Args:
         rows: from `engaged_rows`.
@@ -79,7 +79,7 @@ def servo_figures(rows: Records) -> dict[str, Any]:
 
 
 def exchange_figures(recording: Recording, rows: Records) -> dict[str, Any]:
-    """Of the exchange while engaged: samples sent and answered, their rate [Hz], age of the tool sample in use [ms].
+    """Figures of the exchange while engaged: samples sent and answered, rate [Hz], age of the tool sample [ms].
 
     Args:
         recording: the recording, from `load`.
@@ -106,10 +106,10 @@ def exchange_figures(recording: Recording, rows: Records) -> dict[str, Any]:
 
 
 def energy_figures(recording: Recording, rows: Records) -> dict[str, Any]:
-    """Energy [J] given to the operator, by a simulated device's truth, and supplied to the tool.
+    """Energy [J] truly given to the operator by a simulated device, and energy supplied to the tool.
 
-    Positive is from the display to the hand, and from the coupling to the tool. Each counts from the first message of
-    the recording. None where it was not recorded: a real device has no such truth.
+    Energy from the display to the hand, and from the coupling to the tool, is positive. It counts from the first
+    message of the recording. None if it was not recorded: a real device cannot measure it.
 
     Args:
         recording: the recording, from `load`.
@@ -140,7 +140,7 @@ def waited_time(recording: Recording) -> float | None:
 def contact_figures(recording: Recording, rows: Records | None) -> dict[str, float | None]:
     """The simulation's strongest contact [N] and deepest overlap [m], and the strongest force on the hand in x, y [N].
 
-    None stands for what the recording lacks.
+    A figure is None if its data is not in the recording.
 
     Args:
         recording: the recording, from `load`.
@@ -212,7 +212,7 @@ def late_samples(rows: Records) -> int | None:
 
 
 def withheld_figures(recording: Recording) -> dict[str, tuple[float, float]] | None:
-    """Time for which force was withheld, {cause: (in all [s], longest [s])}; None where the trace lacks it.
+    """Time for which force was withheld, {cause: (in all [s], longest [s])}; None if the trace has no such column.
 
     Args:
         recording: the recording, from `load`.
@@ -234,9 +234,9 @@ def withheld_figures(recording: Recording) -> dict[str, tuple[float, float]] | N
 def residual_figures(recording: Recording, rows: Records) -> dict[str, Any]:
     """How far the coupling's forces on handle and tool are from equal and opposite [N], RMS over x and y.
 
-    The tool's force answers an older handle sample. `explained_by_age_n` is what that leaves: K Δstretch + B Δrate, of
-    the stretch that the servo knows less the stretch of the sample. `unexplained_n` is the RMS of the rest. All
-    are None where no tool sample answers a recorded handle sample.
+    The tool's force belongs to an older handle sample. `explained_by_age_n` is the difference that this age explains: K
+    Δstretch + B Δrate, where Δ is the value in the servo less that of the sample. `unexplained_n` is the RMS of the
+    rest. All are None if no tool sample answers a recorded handle sample.
 
     Args:
         recording: the recording, from `load`.

@@ -42,7 +42,7 @@ class Verdict(NamedTuple):
 def verdict(run: Run) -> Verdict:
     """The verdict on a run: faults, whether the job was done, energy given, force withheld, ticks and samples late.
 
-    What the recording lacks is left out.
+    Parts without data in the recording are left out.
 
     Args:
         run: from `read_run`.
