@@ -30,8 +30,8 @@ In the picture:
 In the film, the blue disc is the handle. A red dot is a contact, and its arrow is the force on the first of the two
 bodies. The numbers are the time and the force on the hand.
 
-The table of a scene is the output of `haptic scenes --explain`. DOF means degrees of freedom. [Methods](../../theory/methods.md)
-defines the *load* of a scene.
+The table of a scene is the output of `haptic scenes --explain`. DOF means degrees of freedom.
+[Methods](../../theory/methods.md) defines the *load* of a scene.
 """
 
 
