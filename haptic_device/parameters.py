@@ -142,7 +142,7 @@ class Fault(Group):
     unattended: float = fixed(
         5.0,
         "s",
-        "standstill of the node's thread that latches unattended, at least 0.2; 0: never",
+        "standstill of the node's thread that latches unattended: at least 0.2, or 0 for never",
         0.0,
         3600.0,
     )
