@@ -66,7 +66,8 @@ def installed_files():
     # Launchers under lib/ let `ros2 run` find the executables after a plain pip install too.
     scripts = [(f"lib/{NAME}", [str(path) for path in sorted(Path("scripts").iterdir()) if path.is_file()])]
     index = [("share/ament_index/resource_index/packages", [f"resource/{NAME}"]), (SHARE, ["package.xml"])]
-    return index + config + firmware + python + scripts
+    measured = [(f"{SHARE}/docs/benchmarks", ["docs/benchmarks/speed_error.csv"])]  # a notebook's
+    return index + config + firmware + measured + python + scripts
 
 
 setup(

@@ -258,7 +258,7 @@ def _elsewhere(lateness, other, allowed):
         return f", and {allowed(other)} where forces act {other * 1e3:.3g} ms late, as they do here"
     if other is not None and other < lateness:
         return f", and {allowed(other)} on time"
-    return ", or more with a shorter delay" if lateness > 0.0 else ""
+    return ", or more with a shorter delay" if allowed(0.0) != allowed(lateness) else ""
 
 
 def _blame_cancellation(settings, axis, lateness):

@@ -41,7 +41,7 @@ class Force(Group):
 class Clutch(Group):
     """Separates the handle from the world."""
 
-    open: bool = live(False, "", "let the device move without the handle in the world; no force meanwhile")
+    open: bool = live(False, "", "true: the device moves, but the handle in the world does not; no force acts")
 
 
 class Coupling(Group):
@@ -49,100 +49,100 @@ class Coupling(Group):
 
     stiffness: float = live(1000.0, "N/m", "stiffness K between handle and tool, x and y", 0.0, 1e5)
     damping: float = live(1.0, "N s/m", "damping B between handle and tool, x and y", 0.0, 1000.0)
-    rotational_stiffness: float = live(1.0, "N m/rad", "stiffness about theta", 0.0, 1000.0)
-    rotational_damping: float = live(0.001, "N m s/rad", "damping about theta", 0.0, 10.0)
+    rotational_stiffness: float = live(1.0, "N m/rad", "stiffness K about theta", 0.0, 1000.0)
+    rotational_damping: float = live(0.001, "N m s/rad", "damping B about theta", 0.0, 10.0)
 
 
 class Wall(Group):
     """Walls that the servo renders by itself."""
 
     normals: tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...] = live(
-        (), "", "outward unit normals of all walls, flat: nx, ny of each"
+        (), "", "outward unit normals of all walls in one list: nx, ny of each wall"
     )
     offsets: tuple[Annotated[float, Field(ge=-10.0, le=10.0)], ...] = live(
-        (), "m", f"position of each wall along its normal, at most {MOST_WALLS} walls; the handle is free beyond it"
+        (), "m", f"position of each wall along its normal; the handle is free beyond it; at most {MOST_WALLS} walls"
     )
     stiffness: tuple[Annotated[float, Field(ge=0.0, le=1e6)], ...] = live((), "N/m", "stiffness K of each wall")
     damping: tuple[Annotated[float, Field(ge=0.0, le=10000.0)], ...] = live(
-        (), "N s/m", "damping B of each wall, backward difference"
+        (), "N s/m", "damping B of each wall, on the backward difference of position"
     )
 
 
 class Cancellation(Group):
     """How much of the device's damping the motors compensate, and where."""
 
-    ratio: float = live(0.0, "", "part of the physical damping cancelled in free space", 0.0, 0.98)
-    source: Source = live("model", "", "drag as the device is described, or as measured")
-    filter: float = live(0.002, "s", "time constant of the filter on measured drag", 0.0, 0.1)
-    band: float = live(0.005, "m", "distance before a wall over which cancellation fades out", 1e-5, 1.0)
-    twist: float = live(0.01, "rad", "coupling twist at which cancellation has faded out", 1e-5, 1.0)
-    stretch: float = live(0.001, "m", "coupling stretch at which cancellation has faded out", 1e-6, 1.0)
+    ratio: float = live(0.0, "", "share of the physical damping that the motors cancel in free space", 0.0, 0.98)
+    source: Source = live("model", "", "drag to cancel: of the device description (model), or of the drag sensor")
+    filter: float = live(0.002, "s", "time constant of the filter of the measured drag", 0.0, 0.1)
+    band: float = live(0.005, "m", "distance to a wall below which cancellation fades out", 1e-5, 1.0)
+    twist: float = live(0.01, "rad", "twist of the coupling at which cancellation is zero", 1e-5, 1.0)
+    stretch: float = live(0.001, "m", "stretch of the coupling at which cancellation is zero", 1e-6, 1.0)
 
 
 class Velocity(Group):
     """Estimate of the velocity."""
 
-    estimator: Estimator = live("backward_difference", "", "how velocity comes from position")
-    lag: float = live(0.001, "s", "time constant of the lowpass estimate", 0.0, 0.1)
-    window: int = live(16, "ticks", "longest adaptive window", 1, KEPT - 1)
+    estimator: Estimator = live("backward_difference", "", "method that estimates the velocity")
+    lag: float = live(0.001, "s", "time constant of the estimator lowpass", 0.0, 0.1)
+    window: int = live(16, "ticks", "longest window of the estimator adaptive_window", 1, KEPT - 1)
 
 
 class Engage(Group):
     """How forces begin after enabling."""
 
     time: float = live(0.5, "s", "time over which forces rise after enabling", 0.01, 10.0)
-    torque: float = live(0.1, "N m", "engaging begins only while the wanted torque is below this", 0.001, 10.0)
-    force: float = live(1.0, "N", "engaging begins only while the wanted force is below this", 0.01, 100.0)
+    torque: float = live(0.1, "N m", "forces begin to rise only when the wanted torque is below this", 0.001, 10.0)
+    force: float = live(1.0, "N", "forces begin to rise only when the wanted force is below this", 0.01, 100.0)
 
 
 class Exchange(Group):
     """Exchange of samples with the simulation."""
 
     rate: float = fixed(
-        1000.0, "Hz", "handle samples sent to the simulation per second, at most one a servo tick", 100.0, 2000.0
+        1000.0, "Hz", "handle samples sent to the simulation per second, at most one in each tick", 100.0, 2000.0
     )
-    method: ExchangeMethod = fixed("pspm", "", "what both sides do with each other's samples")
-    hold: float = live(0.06, "s", "age up to which a tool sample is held at full force", 0.001, 2.0)
-    budget: float = fixed(0.005, "J", "energy the coupling may give before the hand has paid any", 0.0, 1.0)
-    tank: float = fixed(0.05, "J", "energy kept to pay for set positions; the rest is shipped", 0.0, 10.0)
+    method: ExchangeMethod = fixed("pspm", "", "method of the exchange between driver and simulation")
+    hold: float = live(0.06, "s", "age of the tool sample up to which the coupling keeps its full force", 0.001, 2.0)
+    budget: float = fixed(0.005, "J", "energy that the coupling may give before the hand has put in any", 0.0, 1.0)
+    tank: float = fixed(0.05, "J", "most energy that the tank keeps for set positions; the rest is sent", 0.0, 10.0)
     horizon: float = live(0.06, "s", "longest time over which the tool's motion is predicted", 0.0, 0.5)
-    slew: float = live(400.0, "N/s", "fastest change of force by the tool's samples alone", 1.0, 1e6)
-    agility: float = live(20.0, "m/s^2", "acceleration that a free tool is given credit for", 0.0, 10000.0)
-    fade: float = live(0.14, "s", "time in which the coupling fades out after exchange.hold, and in", 0.001, 5.0)
+    slew: float = live(400.0, "N/s", "fastest change of the force by tool samples alone", 1.0, 1e6)
+    agility: float = live(20.0, "m/s^2", "acceleration that the prediction assumes for a free tool", 0.0, 10000.0)
+    fade: float = live(0.14, "s", "time in which the coupling fades out after exchange.hold, and back in", 0.001, 5.0)
 
 
 class Local(Group):
     """Contacts of the servo's own virtual tool."""
 
-    compliance: float = live(1e-9, "m/N", "compliance of a contact in the servo", 1e-10, 1e-5)
+    compliance: float = live(1e-9, "m/N", "compliance of a contact of the servo's copy of the tool", 1e-10, 1e-5)
     apart: float = live(
-        0.005, "m", "distance between the tools of servo and simulation beyond which pspm takes over", 1e-4, 1.0
+        0.005, "m", "distance between the copy and the simulation's tool above which pspm takes over", 1e-4, 1.0
     )
-    hold: float = live(0.06, "s", "age up to which local contacts count", 0.001, 2.0)
-    rejoin: float = live(0.02, "s", "time for which all must be well before they count again", 0.0, 1.0)
+    hold: float = live(0.06, "s", "age up to which local contacts are used", 0.001, 2.0)
+    rejoin: float = live(0.02, "s", "time without a problem after which local contacts are used again", 0.0, 1.0)
 
 
 class Passivity(Group):
     """What keeps the display passive."""
 
     policy: Policy = live(
-        "enforce", "", "gains beyond the device's damping are refused (enforce), said (warn) or taken, at once (off)"
+        "enforce", "", "gains too high for the device's damping: refuse (enforce), warn, or take at once (off)"
     )
-    control: bool = live(True, "", "inject damping when the observer finds energy generated")
-    budget: float = live(0.001, "J", "energy generated, per axis, before damping is injected", 0.0, 10.0)
+    control: bool = live(True, "", "true: add damping when the observer finds generated energy")
+    budget: float = live(0.001, "J", "energy that each axis may generate before damping is added", 0.0, 10.0)
 
 
 class Fault(Group):
     """Limits beyond which a fault is latched."""
 
-    silence: float = fixed(0.02, "s", "time without an answer of the device which latches device_silent", 0.001, 1.0)
-    saturation: float = live(1.0, "s", "time of wanting more than the motor limit before saturation", 0.01, 60.0)
-    duty: float = live(1.0, "", "share of the motor limit that may be held for ever; more latches duty", 0.01, 1.0)
+    silence: float = fixed(0.02, "s", "time without an answer of the device that latches device_silent", 0.001, 1.0)
+    saturation: float = live(1.0, "s", "time above the motor limit that latches saturation", 0.01, 60.0)
+    duty: float = live(1.0, "", "share of the motor limit that may act for ever; more latches duty", 0.01, 1.0)
     duty_time: float = live(20.0, "s", "time constant of a motor's thermal load", 0.01, 3600.0)
     unattended: float = fixed(
         5.0,
         "s",
-        "longest standstill, at least 0.2, of the thread that serves the node; then unattended is latched; 0: never",
+        "standstill of the node's thread that latches unattended: at least 0.2, or 0 for never",
         0.0,
         3600.0,
     )
@@ -162,21 +162,21 @@ class Hand(Group):
 class Motion(Group):
     """Script of the simulated hand."""
 
-    name: Script = fixed("hold", "", "the hand's script; follow: it runs after operator/target")
+    name: Script = fixed("hold", "", "script of the hand; follow: the hand follows operator/target")
     start: tuple[Annotated[float, Field(ge=-10.0, le=10.0)], ...] = fixed(
-        (0.0, 0.0, 0.0), "m, m, rad", "where handle and hand begin"
+        (0.0, 0.0, 0.0), "m, m, rad", "position of handle and hand at the start"
     )
     target: tuple[Annotated[float, Field(ge=-1000.0, le=1000.0)], ...] = fixed(
-        (0.0, 0.0, 0.0), "m, m, rad", "where the script leads"
+        (0.0, 0.0, 0.0), "m, m, rad", "position to which the script leads"
     )
     waypoints: tuple[Annotated[float, Field(ge=-1000.0, le=1000.0)], ...] = fixed(
-        (), "m, m, rad", f"where the script waypoints leads, flat: x, y, theta of each; at most {MOST_WAYPOINTS}"
+        (), "m, m, rad", f"points of the script waypoints in one list: x, y, theta of each; at most {MOST_WAYPOINTS}"
     )
-    duration: float = fixed(4.0, "s", "time of the whole script", 0.1, 36000.0)
-    radius: float = fixed(0.03, "m", "radius of the circle, whose rightmost point is motion.start", 0.0, 1.0)
-    turns: float = fixed(4.0, "", "turns of the circle", 0.0, 10000.0)
-    taps: int = fixed(5, "", "how often tap goes to the target and back", 1, 15)
-    lag: float = fixed(0.01, "s", "time constant with which follow runs after the target", 0.001, 1.0)
+    duration: float = fixed(4.0, "s", "duration of the whole script", 0.1, 36000.0)
+    radius: float = fixed(0.03, "m", "radius of the circle; motion.start is its rightmost point", 0.0, 1.0)
+    turns: float = fixed(4.0, "", "number of turns of the script circle", 0.0, 10000.0)
+    taps: int = fixed(5, "", "number of times that the script tap goes to the target and back", 1, 15)
+    lag: float = fixed(0.01, "s", "time constant with which the script follow follows its target", 0.001, 1.0)
 
 
 class OperatingPoint(Group):
@@ -207,30 +207,32 @@ class Common(Group):
     """What driver and loopback share."""
 
     device: str = fixed("desktop", "", "device description: a file, or a name in config/devices")
-    autostart: bool = fixed(True, "", "configure and activate by itself")
-    realtime: Realtime = fixed("prefer", "", "SCHED_FIFO, locked memory, timer slack")
+    autostart: bool = fixed(True, "", "true: the node configures and activates itself")
+    realtime: Realtime = fixed("prefer", "", "real-time scheduling (SCHED_FIFO) and locked memory")
 
 
 class DriverTopics(Group):
     """What a driver publishes."""
 
-    rate: float = fixed(500.0, "Hz", "encoder and motor", 1.0, 1000.0)
-    pose_rate: float = fixed(100.0, "Hz", "wrench and pose", 1.0, 1000.0)
-    trace: bool = fixed(True, "", "publish every tick in blocks on trace")
+    rate: float = fixed(500.0, "Hz", "messages per second on encoder and motor", 1.0, 1000.0)
+    pose_rate: float = fixed(100.0, "Hz", "messages per second on wrench, pose and joint_states", 1.0, 1000.0)
+    trace: bool = fixed(True, "", "true: publish every tick on trace, in blocks")
 
 
 class Driver(OperatingPoint, Common):
     """haptic_driver; the fields of the last base come first."""
 
-    auto_enable: bool = fixed(False, "", "enable once by itself when the device answers, unless a person stopped it")
-    auto_enable_wait: float = fixed(0.0, "s", "longest that auto_enable waits for a tool's first answer", 0.0, 600.0)
+    auto_enable: bool = fixed(False, "", "true: enable once when the device answers, unless a person stopped it")
+    auto_enable_wait: float = fixed(
+        0.0, "s", "longest time that auto_enable waits for the first tool sample", 0.0, 600.0
+    )
     publish: DriverTopics
 
 
 class DeviceTopics(Group):
     """What a simulated device publishes."""
 
-    rate: float = fixed(500.0, "Hz", "operator/state", 1.0, 1000.0)
+    rate: float = fixed(500.0, "Hz", "messages per second on operator/state", 1.0, 1000.0)
 
 
 class Loopback(Operator, Common):
@@ -243,64 +245,74 @@ class Loopback(Operator, Common):
 class Bridge(Common):
     """haptic_bridge."""
 
-    port: str = fixed("", "", "serial port, or UDP port or HOST:PORT, in place of that of the device description")
-    motor_watchdog: float = fixed(0.015, "s", "time without a write after which the motor is taken back", 0.001, 10.0)
+    port: str = fixed("", "", "serial port, UDP port or HOST:PORT; replaces that of the device description")
+    motor_watchdog: float = fixed(
+        0.015, "s", "time without a write after which the bridge sets the motor to zero", 0.001, 10.0
+    )
     publish: DeviceTopics
 
 
 class Split(Group):
     """When a bag begins a new file."""
 
-    size: float = fixed(2000.0, "MB", "size from which on a new file is begun; 0: never", 0.0, 1e6)
-    duration: float = fixed(0.0, "s", "time after which a new file is begun; 0: never", 0.0, 1e6)
+    size: float = fixed(2000.0, "MB", "size at which a new file begins; 0: never", 0.0, 1e6)
+    duration: float = fixed(0.0, "s", "time after which a new file begins; 0: never", 0.0, 1e6)
 
 
 class Trial(Group):
     """Facts of an experiment."""
 
-    participant: str = live("", "", "code of the participant, kept in the next bag")
-    condition: str = live("", "", "experimental condition, kept in the next bag")
-    fields: tuple[str, ...] = live(("",), "", "further facts of the trial, each as name=value")
+    participant: str = live("", "", "code of the participant, written into the next bag")
+    condition: str = live("", "", "experimental condition, written into the next bag")
+    fields: tuple[str, ...] = live(("",), "", "other facts of the trial, each as name=value")
 
 
 class Recorder(Group):
     """haptic_recorder."""
 
-    autostart: bool = fixed(True, "", "configure and activate by itself at start")
-    realtime: Realtime = fixed("prefer", "", "SCHED_FIFO, so that no load starves it, and one core")
-    bag: str = fixed("", "", "folder of the bag, new or empty; if no name is given, haptic_bags/<date>-<time>")
-    queue: int = fixed(2000, "messages", "what each topic may hold between two looks", 1, 100000)
-    look_period: float = fixed(0.04, "s", "time between two looks at the queues", 0.001, 0.5)
-    flush_period: float = fixed(0.25, "s", "time between chunks written out: what a kill can lose", 0.02, 0.75)
+    autostart: bool = fixed(True, "", "true: the node configures and activates itself")
+    realtime: Realtime = fixed("prefer", "", "real-time scheduling, and one core for all its threads")
+    bag: str = fixed("", "", "folder of the bag, new or empty; without a name haptic_bags/<date>-<time>")
+    queue: int = fixed(2000, "messages", "messages of each topic that may wait between two reads", 1, 100000)
+    look_period: float = fixed(0.04, "s", "time between two reads of the queues", 0.001, 0.5)
+    flush_period: float = fixed(
+        0.25, "s", "time between two writes to disk: if the process is killed, this much can be lost", 0.02, 0.75
+    )
     split: Split
-    disk_reserve: float = fixed(200.0, "MB", "with less than this free, recording stops and ends its bag", 0.0, 1e6)
+    disk_reserve: float = fixed(200.0, "MB", "free space below which recording stops and completes its bag", 0.0, 1e6)
     trial: Trial
 
 
 DRIVER_FIGURES = (
-    Watched("margin", "N s/m", "physical damping left in the worst direction, at the measured lateness", 0.0, -1.0),
-    Watched("margin_theta", "N m s/rad", "the same about theta, of a device that turns", 0.0, -0.001),
+    Watched(
+        "margin",
+        "N s/m",
+        "physical damping that the gains leave in the worst direction, at the measured lateness",
+        0.0,
+        -1.0,
+    ),
+    Watched("margin_theta", "N m s/rad", "the same about theta, for a device with theta", 0.0, -0.001),
     Watched("lateness", "s", "wake-up of the servo after its deadline, 99 %", 1e-4, 1e-3),
-    Watched("compute", "s", "own work of a tick, 99 %", 5e-5, 1e-4),
-    Watched("missed", "1/s", "ticks missed", 1.0, 100.0),
+    Watched("compute", "s", "computing time of a tick, 99 %", 5e-5, 1e-4),
+    Watched("missed", "1/s", "missed ticks", 1.0, 100.0),
     Watched("age", "s", "age of the tool sample in use, 99 %", 0.01, 0.06),
     Watched("loss", "", "share of the handle samples that were not answered", 0.1, 0.5),
-    Watched("energy", "J", "energy given to the operator, as the servo books it", 0.01, 0.1),
-    Watched("thermal_load", "", "greatest thermal load of a motor; at its limit for ever: 1", 0.6, 0.9),
-    Watched("stall", "s", "longest time python, which hears services, stood still", 0.2, 1.0),
-    Watched("skipped", "", "share of the samples of encoder, motor, wrench and pose that were left out", 0.1, 0.9),
-    Watched("dropped", "", "share of the trace's rows that were left out", 0.0, 0.5),
+    Watched("energy", "J", "energy given to the operator, as the servo counts it", 0.01, 0.1),
+    Watched("thermal_load", "", "largest thermal load of a motor; 1: the load of a motor held at its limit", 0.6, 0.9),
+    Watched("stall", "s", "longest standstill of the Python thread that serves requests", 0.2, 1.0),
+    Watched("skipped", "", "share of the samples of encoder, motor, wrench and pose that were not published", 0.1, 0.9),
+    Watched("dropped", "", "share of the rows of trace that were not published", 0.0, 0.5),
 )
 LOOPBACK_FIGURES = (
-    Watched("energy", "J", "energy given to the operator, in truth", 0.01, 0.1),
+    Watched("energy", "J", "energy given to the operator, from the simulated device", 0.01, 0.1),
     Watched("run_on", "1/s", "deadlines that passed without a write of the servo", 1.0, 100.0),
-    Watched("late_writes", "1/s", "writes whose time had been integrated over", 1.0, 100.0),
+    Watched("late_writes", "1/s", "writes that came after the simulation had passed their time", 1.0, 100.0),
 )
 
 BRIDGE_FIGURES = (
-    Watched("delay", "s", "from the servo's write to the motor's effect, 99 %", 1e-3, 5e-3),
-    Watched("clock_error", "s", "what is not known of the device's clock", 1e-4, 1e-3),
-    Watched("lost", "1/s", "deadlines whose samples never came", 1.0, 100.0),
+    Watched("delay", "s", "time from the servo's write to the motor's effect, 99 %", 1e-3, 5e-3),
+    Watched("clock_error", "s", "uncertainty of the device's clock", 1e-4, 1e-3),
+    Watched("lost", "1/s", "deadlines without a sample", 1.0, 100.0),
     Watched("run_on", "1/s", "deadlines that passed without a write of the servo", 1.0, 100.0),
 )
 

@@ -77,7 +77,7 @@ def remark(path: Path, measure: Measure = _unknown) -> str:
     """One sentence about what a valid file asks for and will not get, or "".
 
     For a scene: its method has a larger error than the scene asks for. For an operating point: its gains are passive
-    without delay, but not with writes as late as on this machine.
+    without delay, but not with writes as late as on this machine; or it leaves out the simulated device.
 
     Args:
         path: as in `problems`.
@@ -93,10 +93,21 @@ def remark(path: Path, measure: Measure = _unknown) -> str:
     if not _has_section(document):
         return "" if "axes" in document else unkept_wish(path)
     document = yaml_reader.load(path, ros=True)
-    given = right_values(document, NODES)[0]["haptic_simulation"]
-    values = defaults(NODES["haptic_simulation"]) | given
-    said = unkept_wish(values["scene"], values["method"])
-    return "; ".join(filter(None, (said, _too_late(document, path, measure))))
+    given = right_values(document, NODES)[0]
+    values = defaults(NODES["haptic_simulation"]) | given["haptic_simulation"]
+    said = unkept_wish(values["scene"], values["method"]), _left_out(given), _too_late(document, path, measure)
+    return "; ".join(filter(None, said))
+
+
+def _left_out(given) -> str:
+    """Why a simulated device that the file does not name would be another one than the driver's."""
+    own, default = given["haptic_driver"].get("device"), defaults(NODES["haptic_loopback"])["device"]
+    if own in (None, default) or given["haptic_loopback"] or load_device(own).link.type != "loopback":
+        return ""
+    return (
+        f"haptic_loopback has no section and is {default!r} where a launch file starts it; "
+        f"name device {own!r} there too (haptic demo does)"
+    )
 
 
 def _too_late(document, path, measure) -> str:

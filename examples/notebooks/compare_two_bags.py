@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Notebook: two recordings side by side: force, penetration of the wall, energy.
+"""Notebook: two recordings side by side: force, stretch of the coupling, energy.
 
 marimo edit compare_two_bags.py -- --bag soft/bag --other stiff/bag
 """

@@ -47,6 +47,8 @@ def _(Path, csv, mo):
             _rows = list(csv.DictReader(_stream))
     except OSError as error:
         raise SystemExit(f"--csv: {_file}: {error.strerror}") from None
+    if _lacking := {"scene", "method", "wall", "error", "status"} - set(_rows[0] if _rows else ()):
+        raise SystemExit(f"--csv: {_file} has no column {min(_lacking)}; python -m bench speed_error --out writes one")
     _scenes = sorted({row["scene"] for row in _rows})
     if scene not in _scenes:
         raise SystemExit(f"--scene is {scene}; {_file} has {', '.join(_scenes)}")

@@ -18,22 +18,23 @@ HEAD = """# Parameters
 
 Generated from the declarations by `haptic docs --out docs/reference/parameters.md`. Do not edit.
 
-A *live* parameter may be changed while the node runs, by `haptic set` or `ros2 param set`; `300` then serves for
-`300.0`. The others are fixed at the start.
+A *live* parameter may be changed while the node runs, by `haptic set` or `ros2 param set`. These commands accept `300`
+for `300.0`. The other parameters are fixed at the start.
 
-In a file:
+In a parameter file:
 
-* A number is written as its type: `300.0`, not `300`, for a decimal number. `y`, `yes`, `on`, `n`, `no` and `off` are
-  booleans unless they are quoted.
+* A decimal number needs its point: `300.0`, not `300`. The words `y`, `yes`, `on`, `n`, `no` and `off` are booleans
+  unless they are quoted.
 * `device` and `scene` are names in `config/devices` and `config/scenes`, or paths. Every `haptic` command takes a path
   relative to the folder of the file. `ros2 run … --params-file` takes it relative to the working directory: write an
   absolute path there.
-* A section `haptic_driver` reaches only a node outside any namespace. Write `/**/haptic_driver` or
+* A section `haptic_driver` applies only to a node outside any namespace. Write `/**/haptic_driver` or
   `/haptic/haptic_driver`.
-* A node refuses a file with a section for its kind, or for an unknown node, if no section reaches the node. It would
-  run with its defaults. It does not refuse a file that names only nodes of other kinds.
+* A node refuses a file that names its kind, or an unknown node, but has no section that applies to the node. Otherwise
+  the node would run with its defaults. It accepts a file that names only nodes of other kinds.
 
-`haptic check FILE` checks a file against these tables. `haptic save FILE` writes a file of what runs.
+`haptic check FILE` checks a file against these tables. `haptic save FILE` writes the present values of a running
+display into a file.
 """
 COLUMNS = "| name | default | unit | allowed | live | meaning |\n|---|---|---|---|---|---|"
 
@@ -42,7 +43,7 @@ FAULTS = """# Faults
 
 Generated from `control/faults.py: TABLE` by `haptic docs --faults --out docs/reference/faults.md`. Do not edit.
 
-A fault is a latched reason why the motor is off. It stays until it is cleared. First do what its row says, then:
+A fault is a latched state in which the motor is off. It stays until it is cleared. First do what its row says, then:
 
 | where | what to do |
 |---|---|
@@ -50,15 +51,15 @@ A fault is a latched reason why the motor is off. It stays until it is cleared. 
 | `haptic status` | press `r`, then `e` |
 | a program | call `~/reset`, then `~/enable` |
 
-A fault whose cause still stands is latched again at once. The page, `haptic demo` and `haptic status` show its cause
-with a number. The number is that of the tick that latched the fault (`fault_detail` in `/diagnostics`).
+If the cause is still there, the fault is latched again at once. The page, `haptic demo` and `haptic status` show the
+cause with the value that latched the fault (`fault_detail` in `/diagnostics`).
 
-The device reports 11 to 14 by itself ([link_protocol.md](link_protocol.md#sample-4)). An end switch (13) is a fault
-only while the display is enabled. A handle that rests on one may be led away; enabling it there latches the fault
-before any force.
+The device reports faults 11 to 14 by itself ([link_protocol.md](link_protocol.md#sample-4)). An end switch (13) is a
+fault only while the display is enabled. While it is disabled, you can move the handle off the switch. If you enable it
+on the switch, the fault is latched before any force acts.
 
 `test/unit/test_servo.py` and `test/unit/test_device_faults.py` provoke every fault tick by tick. On running nodes
-`test/live/test_driver.py` and `test/live/test_fault_live.py` provoke 1 to 10.
+`test/live/test_driver.py` and `test/live/test_fault_live.py` provoke faults 1 to 10.
 
 | code | name | in words | what latched it | what the motor does | what to do first |
 |---|---|---|---|---|---|
@@ -66,10 +67,12 @@ before any force.
 WITHHELD_FORCE = f"""
 ## Withheld force
 
-Generated from `control/withheld.py: TABLE`. Withheld force is no fault: the motor goes on, with less force than is
-wanted. It is reported if it lasts more than {LASTS:g} s without a break of more than {BREAK * 1e3:g} ms. The page,
-`haptic status`, `haptic demo`, `haptic report` and `/diagnostics` show it. `test/unit/test_withheld.py` provokes each.
-Time that the world [leaves out](../theory/exchange.md#age-cuts-rates) withholds no force; the simulation warns of it.
+Generated from `control/withheld.py: TABLE`. Withheld force is not a fault: the motor still acts, but with less force
+than is wanted. It is reported if it lasts more than {LASTS:g} s without a break of more than {BREAK * 1e3:g} ms.
+The page, `haptic status`, `haptic demo`, `haptic report` and `/diagnostics` show it.
+`test/unit/test_withheld.py` provokes each cause.
+If the simulated world [leaves time out](../theory/exchange.md#age-cuts-rates), no force is withheld, and the simulation
+warns.
 
 | bit | name | what keeps the force back | what to do |
 |---|---|---|---|

@@ -16,21 +16,24 @@ from haptic_sim.scene.language import Scene, load
 
 HEAD = """# Scenes
 
-Written by `haptic scenes --gallery docs/reference/scenes`. Each scene has a picture of its start, and a film of the
-simulated hand that leads the tool along the suggested way. The film is made in lock-step with the gains of
-`config/demo.yaml`.
+Written by `haptic scenes --gallery docs/reference/scenes`. Each scene has a picture of its start and a film. In the
+film the simulated hand moves the tool along the suggested path. The film is computed in lock-step (without nodes and
+without a clock) with the gains of `config/demo.yaml`.
 
 In the picture:
 
-* Orange is the tool, light blue can move, grey is fixed. The cross is where the tool is held.
-* A ring is round a tool that is small in the picture.
-* The blue dotted line is the way suggested for the handle.
-* The dark line with a bar is what the scene measures: 0 at its dot, 1 at its bar.
-* Circles are pins, squares are sliders. Green zigzags and spirals are springs; a dashed line is a damper alone.
+* The tool is orange. Bodies that can move are light blue, and fixed bodies are grey. The cross is the grip of the tool.
+* A ring marks a tool that is small in the picture.
+* The blue dotted line is the suggested path of the handle.
+* The dark line shows what the scene measures: 0 at its dot, 1 at its bar.
+* Circles are pins, and squares are sliders. Green zigzags and spirals are springs. A dashed line is a damper.
 * Red arrows with a speed are motors, belts, and bodies that move at the start. The black arrow is gravity.
 
 In the film, the blue disc is the handle, and a purple dot is a contact. The arrow at a contact is the force on the
 first of the two bodies. The numbers are the time and the force on the hand. Scenes with a task come first.
+
+The table of a scene is the output of `haptic scenes --explain`. DOF means degrees of freedom.
+[Methods](../../theory/methods.md) defines the *load* of a scene.
 """
 
 

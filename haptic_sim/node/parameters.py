@@ -18,41 +18,43 @@ class Method(Group):
 class Simulation(Group):
     """haptic_simulation."""
 
-    autostart: bool = fixed(True, "", "configure and activate by itself at start")
-    scene: str = live("peg_in_hole", "", "a scene in config/scenes, or path of a scene file; ~/load_scene loads it")
+    autostart: bool = fixed(True, "", "true: the node configures and activates itself")
+    scene: str = live("peg_in_hole", "", "name in config/scenes, or path of a scene file; ~/load_scene loads it")
     method: Literal[(AUTO, *offered())] = live(
-        AUTO, "", "simulation method; auto: as the scene asks, or as fits it; ~/load_scene takes it"
+        AUTO, "", "simulation method; auto: that of the scene, else chosen; takes effect at ~/load_scene"
     )
-    sub_step: float = fixed(0.0, "s", "step of the simulated world; 0: as the scene asks, or as fits it", 0.0, 2e-3)
+    sub_step: float = fixed(0.0, "s", "step of the simulated world; 0: that of the scene, else chosen", 0.0, 2e-3)
     max_catch_up: float = fixed(
         0.02,
         "s",
-        "gap between handle samples beyond which the world makes up nothing; below, what fits in a period",
+        "longest gap between handle samples that the world makes up, as far as a period allows",
         2e-3,
         1.0,
     )
     exchange: Method
-    port_budget: float = fixed(BUDGET, "J", "energy the tool port may supply before any was shipped", 0.0, 10.0)
-    port_force: float = fixed(LIMITS.force, "N", "largest pull on the tool", 0.1, 1000.0)
-    port_torque: float = fixed(LIMITS.torque, "N m", "largest twist on the tool", 0.001, 100.0)
-    port_slew: float = fixed(LIMITS.slew, "N/s", "fastest change of the pull by the device's samples", 1.0, 1e6)
-    realtime: Realtime = fixed("prefer", "", "real-time scheduling of the thread that answers")
-    realtime_priority: int = fixed(60, "", "SCHED_FIFO priority of the thread that answers", 1, 98)
+    port_budget: float = fixed(BUDGET, "J", "energy that the tool port may supply before any has arrived", 0.0, 10.0)
+    port_force: float = fixed(LIMITS.force, "N", "largest force of the coupling on the tool", 0.1, 1000.0)
+    port_torque: float = fixed(LIMITS.torque, "N m", "largest torque of the coupling on the tool", 0.001, 100.0)
+    port_slew: float = fixed(
+        LIMITS.slew, "N/s", "fastest change of the force on the tool by handle samples alone", 1.0, 1e6
+    )
+    realtime: Realtime = fixed("prefer", "", "real-time scheduling of the thread that answers samples")
+    realtime_priority: int = fixed(60, "", "SCHED_FIFO priority of the thread that answers samples", 1, 98)
 
 
 class NetworkEmulator(Group):
     """haptic_relay."""
 
-    autostart: bool = fixed(True, "", "configure and activate by itself at start")
-    delay: float = fixed(0.0, "s", "delay of both ways together; either has half of it", 0.0, 2.0)
-    jitter: float = fixed(0.0, "s", "uniform ± of the delay of both ways together", 0.0, 2.0)
-    loss: float = fixed(0.0, "", "share of the messages lost, either way", 0.0, 1.0)
-    duplicates: float = fixed(0.0, "", "share of the messages that come twice", 0.0, 1.0)
+    autostart: bool = fixed(True, "", "true: the node configures and activates itself")
+    delay: float = fixed(0.0, "s", "delay of a round trip; half of it in each direction", 0.0, 2.0)
+    jitter: float = fixed(0.0, "s", "uniform jitter (±) of the delay of a round trip", 0.0, 2.0)
+    loss: float = fixed(0.0, "", "share of the messages lost in each direction", 0.0, 1.0)
+    duplicates: float = fixed(0.0, "", "share of the messages that arrive twice", 0.0, 1.0)
     seed: int = fixed(0, "", "seed of the random numbers", 0, 2**31 - 1)
 
 
 FIGURES = (
-    Watched("compute", "s", "answering one handle sample, 99 %", 5e-4, 1e-3),
+    Watched("compute", "s", "time to answer one handle sample, 99 %", 5e-4, 1e-3),
     Watched("refused", "1/s", "handle messages refused", 1.0, 100.0),
 )
 PARAMETERS = (*parameters_of(Simulation), *limits_of(FIGURES))

@@ -21,7 +21,10 @@ def explain(reduced: ReducedScene) -> list[tuple[str, str]]:
         ("contacts", _contacts(needs, model)),
         ("friction", "matters" if needs.friction else "no pair that can touch has any"),
         ("restitution", "matters" if needs.restitution else "no pair that can touch has any"),
-        ("rotation", "of the tool matters" if needs.rotation else "of the tool does not matter to where it is"),
+        (
+            "rotation",
+            "of the tool changes its position" if needs.rotation else "of the tool does not change its position",
+        ),
         ("axes", _axes(needs)),
         ("method", f"{reduced.method}: {reduced.reasons[0]}"),
         ("sub-step", f"{reduced.sub_step * 1e3:g} ms: {reduced.reasons[1]}"),
@@ -46,11 +49,11 @@ def _contacts(needs: Needs, model: Model) -> str:
 
 def _axes(needs: Needs) -> str:
     if needs.axes is None:
-        return "have to be solved together"
+        return "must be solved together"
     if not needs.axes:
-        return "x, y, theta each by itself in closed form: the coupling and inertia, no contact"
+        return "x, y and theta are independent, each in closed form: coupling and inertia, no contact"
     listed = " and ".join(f"[{x:.3g}, {y:.3g}]" for x, y in needs.axes)
-    return f"contact acts along {listed} alone, in closed form; the others are coupling and inertia"
+    return f"contact acts only along {listed}, in closed form; the other axes have only coupling and inertia"
 
 
 def _few(names: Sequence[str]) -> str:

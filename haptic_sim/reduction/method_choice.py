@@ -78,11 +78,11 @@ def choose_method(scene: Scene, model: Model, names: Sequence[str], axes: tuple[
     if axes is not None:
         return (
             "closed_form",
-            f"contact acts on {len(axes)} {'axis' if len(axes) == 1 else 'axes'}, each solvable by itself",
+            f"contact acts on {len(axes)} {'axis' if len(axes) == 1 else 'axes'}, and each can be solved by itself",
         )
     asked = crowded or _beyond_impulse(scene, model, names)
     if not asked:
-        return "impulse", "nothing in the scene asks for more than impulses by short steps"
+        return "impulse", "the scene needs no more than impulses in short steps"
     beyond = too_much(model)
     if beyond and crowded:
         raise ValueError(f"{crowded}, and {beyond}; take fewer layers")
@@ -135,13 +135,13 @@ def choose_sub_step(scene: Scene, model: Model, method: str) -> tuple[float, str
     bodies = len(model.mass) - 1
     if method == "impulse" and SHORT <= longest < ACTS:
         longest = ACTS
-        why += f", which {method} keeps by its steps inside {ACTS * 1e3:g} ms"
+        why += f"; {method} takes such steps inside a sub-step of {ACTS * 1e3:g} ms"
     if method == "partitioned" and longest > (own := max(SHORT, SOLVED * bodies)):
         longest = own
-        why += f", {method} takes {own * 1e3:g} ms: " + (
-            "steps as short as those inside impulse"
+        why += f"; {method} takes {own * 1e3:g} ms, " + (
+            "as short as the steps inside impulse"
             if own == SHORT
-            else f"what the direct solve of {bodies} bodies can keep up with"
+            else f"because the direct solution of {bodies} bodies needs this time"
         )
     step = next((step for step in STEPS if step <= longest), STEPS[-1])
     return step, why + (", which would be too slow" if longest < step else "")
@@ -152,7 +152,7 @@ def longest_step(model: Model, error: float) -> tuple[float, str]:
     frequency, what = max(_modes(model))
     longest = 2.0 * error / frequency
     return longest, (
-        f"error {error:g} of the fastest mode, {what} at {frequency:.4g} rad/s, allows {longest * 1e3:.4g} ms"
+        f"an error of {error:g} in the fastest mode ({what}, {frequency:.4g} rad/s) allows {longest * 1e3:.4g} ms"
     )
 
 
@@ -204,12 +204,12 @@ def _beyond_impulse(scene: Scene, model: Model, names: Sequence[str]) -> str:
         )
     ratio, light, heavy, height = _load(model)
     if height > HIGH:
-        return f"{height} bodies stand on one another, and impulse carries {HIGH}"
+        return f"{height} bodies stand on one another, and impulse takes at most {HIGH}"
     if ratio * height > LOAD:
         return (
             f"{names[heavy]} is {ratio:.4g} times as heavy as {names[light]}"
             + (f", and {height} bodies stand on one another" if height > 1 else "")
-            + f": a load of {ratio * height:.4g}, of which impulse carries {LOAD:g}"
+            + f": a load of {ratio * height:.4g}, and impulse takes at most {LOAD:g}"
         )
     return ""
 

@@ -65,6 +65,8 @@ def programs_of(order: Order) -> list[Program]:
     # ROS would take a path in the file as relative to where we are
     files = {name: {key: said[name][key] for key in PLACES if key in said[name]} for name in given}
     given = {name: files[name] | _stated(values) | order.given.get(name, {}) for name, values in given.items()}
+    if "device" in given["haptic_driver"]:  # the simulated device is that of the driver, where the file leaves it out
+        given[LOOPBACK].setdefault("device", given["haptic_driver"]["device"])
     if order.device:
         given["haptic_driver"]["device"] = given[LOOPBACK]["device"] = str(find("devices", order.device).absolute())
     _refuse_bad_devices(given, order.params)

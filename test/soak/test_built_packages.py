@@ -58,6 +58,7 @@ def test_colcon_builds_executables_scenes_and_launch_files_into_their_places(clo
     module, verdict = run("bash", "-c", sourced, folder=tmp_path).splitlines()
     assert Path(module).is_relative_to(prefix)
     assert verdict.endswith("wall.yaml: ok")
+    run(sys.executable, prefix / SHARE / "examples/notebooks/speed_against_error.py", folder=tmp_path)
 
 
 def test_pip_installs_the_same_files_and_the_commands(clone, tmp_path):

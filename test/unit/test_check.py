@@ -296,6 +296,19 @@ def test_an_operating_point_whose_parts_just_run_together_is_right(tmp_path, tex
     assert problems(broken(tmp_path, text)) == []
 
 
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (point(driver=UNDAMPED), True),
+        (point(driver=UNDAMPED, loopback="device: undamped"), False),
+        (point(driver="device: desktop"), False),
+        (point(driver="device: reference_udp"), False),  # what serves it is not the loopback
+    ],
+)
+def test_a_simulated_device_that_the_file_leaves_out_is_told_where_it_would_be_another(tmp_path, text, told):
+    assert remark(broken(tmp_path, text)).startswith("haptic_loopback has no section and is 'desktop'") == told
+
+
 @pytest.mark.parametrize(("x", "fits"), [("0.12", True), ("0.121", False)])
 def test_the_motion_of_a_scene_that_an_operating_point_names_stays_in_the_workspace(tmp_path, x, fits):
     scene = (ROOT / "config/scenes/wall.yaml").read_text().replace("start: [0.03, 0.0, 0.0]", f"start: [{x}, 0.0, 0.0]")

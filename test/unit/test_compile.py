@@ -237,7 +237,7 @@ def test_a_mass_ratio_counts_across_a_joint_and_not_where_nothing_ever_touches()
     ("lowest", "count", "said"),
     [
         (0.1, round(LOAD / 10.0), f": a load of {LOAD + 10:g},"),
-        (1.0, HIGH, f", and impulse carries {HIGH}"),
+        (1.0, HIGH, f", and impulse takes at most {HIGH}"),
     ],
 )
 def test_a_tower_is_carried_up_to_its_height_times_its_mass_ratio_and_up_to_a_height(lowest, count, said, over):

@@ -226,9 +226,9 @@ def test_nodes_are_handed_the_files_that_an_operating_point_names_beside_itself(
     assert given["haptic_simulation"]["scene"] == str(
         find("scenes", "wall").absolute()
     )  # the command's, not the file's
-    point.write_text("/**/haptic_driver: {ros__parameters: {device: desktop}}\n")
+    point.write_text("/**/haptic_driver: {ros__parameters: {device: undamped}}\n")
     given = {program.name: program.parameters for program in programs_of(order)}
-    assert given["haptic_driver"]["device"] == "desktop" and "device" not in given["haptic_loopback"]
+    assert given["haptic_driver"]["device"] == given["haptic_loopback"]["device"] == "undamped"
 
 
 def outcome(faults=(), result=None, sent=1000, answered=1000) -> dict:
