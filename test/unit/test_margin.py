@@ -289,3 +289,10 @@ def test_books_follow_a_links_delay_that_is_longer_than_described_and_small_chan
         followed.append((driver._delay, driver._version))
     assert followed == [(50e-6, 3), (50e-6, 3), (50e-6, 3), (100e-6, 4), (controller_config.MOST_LATE / 1000.0, 5)]
     assert [int(one["version"][0]) for one in put] == [4, 5]
+
+
+@pytest.mark.parametrize(
+    ("damping", "ending"), [(0.81, "allowed at no stiffness"), (0.79, ", or more with a shorter delay")]
+)
+def test_a_shorter_delay_is_advised_only_where_it_would_allow_more(damping, ending):
+    assert gain_check.refusal(settings(**walls(12000.0, damping, 90.0)), 1e-3).endswith(ending)
