@@ -53,7 +53,8 @@ OURS: dict[str, Callable] = {
     "hannaford_ryu_2002.stiff": hannaford_ryu_2002.stiff,
     "lee_huang_2010.energy": lee_huang_2010.energy,
     "niemeyer_slotine_1991.energy": niemeyer_slotine_1991.energy,
-    "whitney_1982.wedging": whitney_1982.wedging,
+    "whitney_1982.held": whitney_1982.held,
+    "whitney_1982.slides": whitney_1982.slides,
 }
 """What a YAML file may name under `ours`."""
 
