@@ -51,8 +51,8 @@ def load(path: Path) -> Source:
     except ValidationError as error:
         found = sentences(error, Source, lambda place: False)
         raise ConfigError(f"{path}: {found[0]}", found) from None
-    if not source.address.startswith("https://"):
-        raise ConfigError(f"{path}: address is {source.address!r}; it must begin with https://", [])
+    if not source.address.startswith(("https://", "http://")):
+        raise ConfigError(f"{path}: address is {source.address!r}; it must begin with https:// or http://", [])
     for number, result in enumerate(source.results):
         if problem := _unfinished(result):
             raise ConfigError(f"{path}: results[{number}] {problem}", [problem])

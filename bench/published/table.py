@@ -12,6 +12,7 @@ from bench.jobs import markdown
 from bench.published import (
     abbott_okamura_2005,
     adams_hannaford_1999,
+    brown_1995,
     chawda_2015,
     choi_tan_2004,
     colgate_1995,
@@ -36,6 +37,7 @@ OURS: dict[str, Callable] = {
     "abbott_okamura_2005.damping": abbott_okamura_2005.damping,
     "abbott_okamura_2005.friction": abbott_okamura_2005.friction,
     "adams_hannaford_1999.coupling": adams_hannaford_1999.coupling,
+    "brown_1995.filtered": brown_1995.filtered,
     "hogan_kristiansen_2017.friction": hogan_kristiansen_2017.friction,
     "chawda_2015.low": chawda_2015.low,
     "chawda_2015.none": chawda_2015.none,

@@ -97,7 +97,7 @@ def test_a_wrong_number_fails_the_table_and_writes_no_page(folder, tmp_path):
         ("kind: exact", "kind: order", "is an order; it must have `order` with two names"),
         ("kind: exact", "kind: shape", "has tolerance 0.01; a factor must be 1 or more"),
         ("    published: [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]\n", "", "must have `published` with a number at least"),
-        ("address: https:", "address: file:", "it must begin with https://"),
+        ("address: https:", "address: file:", "it must begin with https:// or http://"),
         ("authors: J. J. Gil,", "title: twice\nauthors: J. J. Gil,", "title"),
         ("gil_2009.boundary", "os.system", "ours is 'os.system'; it must be one of abbott_okamura_2005.damping"),
     ],
