@@ -70,6 +70,20 @@ def _unfinished(result):
     return ""
 
 
+def missing(result: Result, ours) -> str:
+    """What keeps ours, numbers or a mapping of names to numbers, from being compared; empty if nothing does."""
+    named = isinstance(ours, dict)
+    if result.kind == ORDER:
+        absent = [name for name in result.order if not named or name not in ours]
+        given = ", ".join(ours) if named else "numbers without names"
+        return f"has {absent[0]!r} in `order`; {result.ours} gives {given}" if absent else ""
+    if named:
+        return f"is of kind {result.kind}; {result.ours} gives named values, {', '.join(ours)}, for kind order"
+    if len(ours) != len(result.published):
+        return f"has {len(result.published)} numbers in `published`; {result.ours} gives {len(ours)}"
+    return ""
+
+
 def agrees(result: Result, ours) -> bool:
     """Whether ours, numbers or a mapping of names to numbers, is what was published."""
     if result.kind == ORDER:
