@@ -20,16 +20,15 @@ DAMPING = np.linspace(0.0, 6.0, 121)
 """B of the walls [N s/m]."""
 
 
-def widths() -> dict[str, float]:
-    """Area of the passive walls in the K–B plane [N²s/m²] with one property better, over that of the display."""
-    plain = _area(**DISPLAY)
-    found = {name: _area(**DISPLAY | change) / plain for name, change in TEN_TIMES.items()}
-    return {"damping": found.pop("damping"), "any other": max(found.values())}
+def widths(friction: float = FRICTION) -> dict[str, float]:
+    """Area of the passive walls in the K–B plane with one property better, over that of the display as it is."""
+    plain = _area(friction, **DISPLAY)
+    return {name: _area(friction, **DISPLAY | change) / plain for name, change in TEN_TIMES.items()}
 
 
-def _area(physical_damping, period, resolution, velocity_lag):
-    """What damping allows, and what Coulomb friction allows beside the encoder's step, which is linear in K."""
+def _area(friction, physical_damping, period, resolution, velocity_lag):
+    """What damping allows, and what Coulomb friction [N] allows beside the encoder's step, which is linear in K."""
     by_damping = largest_passive_stiffness(physical_damping, DAMPING, period, velocity_lag)
     without, with_one = (coulomb_friction_needed(K, DAMPING, period, resolution, velocity_lag) for K in (0.0, 1.0))
-    by_friction = (FRICTION - without) / (with_one - without)
+    by_friction = (friction - without) / (with_one - without)
     return float(np.trapezoid(np.maximum(0.0, np.minimum(by_damping, by_friction)), DAMPING))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ball without losses on a sampled floor: each bounce is higher than the one before."""
+"""A finger on a manipulandum, without losses, on a sampled floor: each bounce is higher than the one before."""
 
 from haptic_device.control import virtual_wall
 from haptic_device.device import plant

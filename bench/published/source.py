@@ -51,8 +51,8 @@ def load(path: Path) -> Source:
     except ValidationError as error:
         found = sentences(error, Source, lambda place: False)
         raise ConfigError(f"{path}: {found[0]}", found) from None
-    if not source.address.startswith("https://"):
-        raise ConfigError(f"{path}: address is {source.address!r}; it must begin with https://", [])
+    if not source.address.startswith(("https://", "http://")):
+        raise ConfigError(f"{path}: address is {source.address!r}; it must begin with https:// or http://", [])
     for number, result in enumerate(source.results):
         if problem := _unfinished(result):
             raise ConfigError(f"{path}: results[{number}] {problem}", [problem])
@@ -67,6 +67,20 @@ def _unfinished(result):
         return f"is of kind {result.kind}; it must have `published` with a number at least, and no `order`"
     elif result.kind == SHAPE and result.tolerance < 1.0:
         return f"has tolerance {result.tolerance:g}; a factor must be 1 or more"
+    return ""
+
+
+def missing(result: Result, ours) -> str:
+    """What keeps ours, numbers or a mapping of names to numbers, from being compared; empty if nothing does."""
+    named = isinstance(ours, dict)
+    if result.kind == ORDER:
+        absent = [name for name in result.order if not named or name not in ours]
+        given = ", ".join(ours) if named else "numbers without names"
+        return f"has {absent[0]!r} in `order`; {result.ours} gives {given}" if absent else ""
+    if named:
+        return f"is of kind {result.kind}; {result.ours} gives named values, {', '.join(ours)}, for kind order"
+    if len(ours) != len(result.published):
+        return f"has {len(result.published)} numbers in `published`; {result.ours} gives {len(ours)}"
     return ""
 
 

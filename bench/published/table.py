@@ -12,6 +12,7 @@ from bench.jobs import markdown
 from bench.published import (
     abbott_okamura_2005,
     adams_hannaford_1999,
+    brown_1995,
     chawda_2015,
     choi_tan_2004,
     colgate_1995,
@@ -25,7 +26,7 @@ from bench.published import (
     niemeyer_slotine_1991,
     whitney_1982,
 )
-from bench.published.source import EXACT, ORDER, SHAPE, Result, Source, agrees, load
+from bench.published.source import EXACT, ORDER, SHAPE, Result, Source, agrees, load, missing
 from haptic_device.config_files import ConfigError
 
 FOLDER = Path(__file__).parent
@@ -36,6 +37,7 @@ OURS: dict[str, Callable] = {
     "abbott_okamura_2005.damping": abbott_okamura_2005.damping,
     "abbott_okamura_2005.friction": abbott_okamura_2005.friction,
     "adams_hannaford_1999.coupling": adams_hannaford_1999.coupling,
+    "brown_1995.filtered": brown_1995.filtered,
     "hogan_kristiansen_2017.friction": hogan_kristiansen_2017.friction,
     "chawda_2015.low": chawda_2015.low,
     "chawda_2015.none": chawda_2015.none,
@@ -53,7 +55,8 @@ OURS: dict[str, Callable] = {
     "hannaford_ryu_2002.stiff": hannaford_ryu_2002.stiff,
     "lee_huang_2010.energy": lee_huang_2010.energy,
     "niemeyer_slotine_1991.energy": niemeyer_slotine_1991.energy,
-    "whitney_1982.wedging": whitney_1982.wedging,
+    "whitney_1982.held": whitney_1982.held,
+    "whitney_1982.slides": whitney_1982.slides,
 }
 """What a YAML file may name under `ours`."""
 
@@ -82,19 +85,27 @@ def main(out: Annotated[Path | None, typer.Option(help=_OUT)] = None) -> None:
         out.write_text(page(rows), encoding="utf-8")
 
 
-def sources(folder: Path) -> list[Source]:
-    """All sources of the folder, by year. Raises ConfigError, one sentence, for a file that is none."""
+def sources(folder: Path) -> dict[Path, Source]:
+    """All sources of the folder and their files, by year. Raises ConfigError, one sentence, for a file that is none."""
     found = {path: load(path) for path in sorted(folder.glob("*.yaml"))}
     for path, source in found.items():
         for result in source.results:
             if result.ours not in OURS:
                 raise ConfigError(f"{path}: ours is {result.ours!r}; it must be one of {', '.join(OURS)}", [])
-    return sorted(found.values(), key=lambda source: (source.year, source.authors))
+    return dict(sorted(found.items(), key=lambda item: (item[1].year, item[1].authors)))
 
 
-def computed(of: Iterable[Source]) -> list[Row]:
-    """A row for each result."""
-    return [Row(source, result, OURS[result.ours]()) for source in of for result in source.results]
+def computed(of: dict[Path, Source]) -> list[Row]:
+    """A row for each result. Raises ConfigError, one sentence, where ours cannot be compared with what a file says."""
+    return [_row(path, number, source) for path, source in of.items() for number in range(len(source.results))]
+
+
+def _row(path, number, source):
+    result = source.results[number]
+    ours = OURS[result.ours]()
+    if problem := missing(result, ours):
+        raise ConfigError(f"{path}: results[{number}] {problem}", [problem])
+    return Row(source, result, ours)
 
 
 def table(rows: Iterable[Row]) -> str:

@@ -1,49 +1,69 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How deep a peg can wedge in its hole: the deepest insertion at which its own friction carries the hand's push."""
+"""How deep a peg can wedge in its hole: squeezed until both contacts are closed, let go, and then pushed down."""
+
+from functools import cache
 
 import numpy as np
 from scipy.optimize import brentq
 
-from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.protocol import Coupling
+from haptic_sim.pymunk_world.world import PymunkWorld
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import rollout
 from haptic_sim.scene.language import Scene
 
-WIDTH, HOLE, LENGTH = 0.02, 0.0201, 0.1
+WIDTH, HOLE, LENGTH = 0.02, 0.02002, 0.1
 """Of the peg, of the hole, from the peg's tip to the grip [m]."""
-PUSH, STIFFNESS = 5e-3, 2000.0
-"""How far below its place the hand draws the grip [m], by this coupling [N/m]."""
-STEP, TICKS, STILL = 1e-4, 3000, 1e-6
-"""s; sub-steps; travel of a peg that is held [m]."""
+GAINS = Coupling(2000.0, 20.0, 2.0, 0.02)
+"""Of the hand's coupling to the grip."""
+SQUEEZE, PUSH = 0.5, 1e-3
+"""How far the hand turns the grip to close both contacts [rad], and draws it down afterwards [m]: 1 N m and 2 N."""
+STEP, TICKS, STILL = 2.5e-4, 400, 1e-6
+"""s; sub-steps of each of the three stages; travel of a peg that is held [m]."""
 FRICTIONS = 0.3, 0.45, 0.6
-SHARES = np.arange(0.9, 1.1, 0.01)
+SHARES = *np.arange(0.1, 0.9, 0.1), *np.arange(0.9, 1.105, 0.01), 1.2, 1.3
 """Insertions that are tried, over friction times width."""
 
 
-def wedging() -> list[float]:
-    """Deepest insertion at which the peg is held, over friction times width, of each friction.
-
-    Where rounding leaves a gap at one of the two contacts, the peg slides before it is held: such depths do not count.
-    """
-    return [_deepest(friction) for friction in FRICTIONS]
+def held() -> list[float]:
+    """Insertion over friction times width up to which the peg is held at all that are tried, of each friction."""
+    return [_last(_held(friction)) for friction in FRICTIONS]
 
 
-def _deepest(friction):
-    return max((float(share) for share in SHARES if _held(share * friction * WIDTH, friction)), default=0.0)
+def slides() -> list[float]:
+    """Insertion over friction times width from which the peg is held at none that is tried, of each friction."""
+    return [_last(_held(friction)[::-1], held=False) for friction in FRICTIONS]
 
 
-def _held(depth, friction):
-    return _travel(depth, friction) < STILL
+def _last(tried, held=True):
+    """Last insertion of those in a row from the first on that are all held, or all not; NaN if the first is not so."""
+    last = np.nan
+    for share, is_held in tried:
+        if is_held is not held:
+            break
+        last = share
+    return last
+
+
+@cache
+def _held(friction):
+    return [(float(share), bool(_travel(share * friction * WIDTH, friction) < STILL)) for share in SHARES]
 
 
 def _travel(depth, friction):
     """Way [m] that the grip goes down under the hand's push."""
-    x, y, angle = _tilted(depth)
-    world = Partitioned(reduce_scene(_scene((x, y, angle), friction)), STEP)
-    world.couple(Coupling(STIFFNESS, 20.0, 2.0, 0.02))
-    rollout(world, np.array([[x, y - PUSH, angle, 0.0, 0.0, 0.0]] * 2), TICKS)
-    return y - world.position[1]
+    pose = x, y, angle = _tilted(depth)
+    world = PymunkWorld(reduce_scene(_scene(pose, friction)), STEP)
+    world.couple(GAINS)
+    for aim in ((x, y, angle - SQUEEZE), pose):
+        _rest(world, aim)
+    before = world.pose("tool")[1]
+    _rest(world, (x, y - PUSH, angle))
+    return before - world.pose("tool")[1]
+
+
+def _rest(world, aim):
+    rollout(world, np.array([[*aim, 0.0, 0.0, 0.0]] * 2), TICKS)
 
 
 def _tilted(depth):

@@ -231,6 +231,78 @@ def test_a_motor_value_acts_exactly_after_the_actuation_delay(delay):
     assert memory["position"][0, 0] == pytest.approx(0.5 * 10.0 * moved**2, rel=1e-12)
 
 
+LIGHT_HANDLE = {"mass": 0.03, "damping": 1.0}
+HAND, WALL = 500.0, 500.0  # N/m
+FROM, SPEED = -0.01, 0.1  # m, m/s of the place that the hand aims at
+
+
+def pressed(period, delay, resolution, hand_damping, seconds):
+    """Positions each period [ns] while a hand draws the handle into a sampled wall at 0."""
+    record = device(
+        **LIGHT_HANDLE,
+        hand_stiffness=HAND,
+        hand_damping=hand_damping,
+        position_per_count=resolution,
+        actuation_delay=delay,
+    )
+    memory = state(position=[FROM, 0.0, 0.0], target=[FROM, 0.0, 0.0])
+    positions = []
+    for tick in range(0, round(seconds * SECOND), period):
+        counts, _ = sense(record, memory, tick)
+        plant.push_motor(record[0], memory[0], tick, np.array([-WALL * max(0.0, counts[0] * resolution), 0.0, 0.0]))
+        while memory["time"][0] < tick + period:
+            plant.take_motor(memory[0])
+            end = plant.next_change(memory[0], min(tick + period, int(memory["time"][0]) + SUB_STEP))
+            plant.sub_step(record[0], memory[0], end, np.array([FROM + SPEED * end * 1e-9, 0.0, 0.0]), 1.0)
+        positions.append(memory["position"][0, 0])
+    return np.array(positions)
+
+
+def integrated(force, start, times, hand_damping):
+    """States at the times [s] by scipy; force: of the wall, (time, position) -> N."""
+
+    def rates(t, now):
+        spring = HAND * (FROM + SPEED * t - now[0]) + hand_damping * (SPEED - now[1])
+        return [now[1], (force(t, now[0]) - LIGHT_HANDLE["damping"] * now[1] + spring) / LIGHT_HANDLE["mass"]]
+
+    return solve_ivp(rates, times[[0, -1]], start, "DOP853", times[1:], rtol=1e-12, atol=1e-15, max_step=1e-3).y.T
+
+
+@pytest.mark.parametrize(
+    ("delay", "resolution", "hand_damping"),
+    [(0, 1e-13, 0.0), (2_000_000, 1e-13, 0.0), (500_000, 1e-13, 0.0), (0, 1e-4, 0.0), (0, 1e-13, 10.0)],
+    ids=["sampled", "two periods late", "half a period late", "coarse encoder", "damped hand"],
+)
+def test_a_hand_presses_into_a_sampled_wall_as_scipy_integrates_it(delay, resolution, hand_damping):
+    period, ticks = 1_000_000, 250
+    now, waiting, held, wanted = [FROM, 0.0], [], 0.0, []
+    for tick in range(ticks):
+        begin = tick * period
+        waiting.append((begin + delay, -WALL * max(0.0, math.floor(now[0] / resolution + 0.5) * resolution)))
+        marks = sorted({begin, begin + period, *(when for when, _ in waiting if begin < when < begin + period)})
+        for start, end in zip(marks, marks[1:], strict=False):
+            held = next((force for when, force in reversed(waiting) if when <= start), held)
+            now = integrated(lambda t, x, held=held: held, now, np.array([start, end]) * 1e-9, hand_damping)[-1]
+        wanted.append(now[0])
+    found = pressed(period, delay, resolution, hand_damping, ticks * period * 1e-9)
+    assert max(wanted) > 0.004
+    assert found == pytest.approx(np.array(wanted), rel=1e-9, abs=1e-11)
+
+
+@pytest.mark.parametrize("hand_damping", [0.0, 10.0])
+def test_a_wall_that_is_sampled_twice_as_often_is_half_as_far_from_the_continuous_one(hand_damping):
+    times = np.arange(0.0, 0.2501, 1e-3)
+    smooth = integrated(lambda t, x: -WALL * max(0.0, x), [FROM, 0.0], times, hand_damping)[:, 0]
+    coarse, fine = (
+        np.abs(
+            pressed(period, 0, 1e-13, hand_damping, 0.25)[1_000_000 // period - 1 :: 1_000_000 // period] - smooth
+        ).max()
+        for period in (50_000, 25_000)
+    )
+    assert coarse < 2e-4
+    assert fine == pytest.approx(0.5 * coarse, rel=0.1)
+
+
 def test_the_motor_gives_no_more_than_its_limit_in_either_direction():
     record = device(force_limit=3.0, force_per_motor=-2.0)
     for motor, force in ((1.0, -2.0), (1.4999, -2.9998), (1.6, -3.0), (-50.0, 3.0)):
