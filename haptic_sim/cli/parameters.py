@@ -20,6 +20,7 @@ from haptic_sim.cli.words import next_step, shown_path
 from haptic_sim.supervision.processes import NAMESPACE, parameter_text
 
 LISTENING = 2.0  # [s] in which nodes that are there are found
+SHOWING = 5.0  # [s] in which a node that is starting is seen
 PATIENCE = 15.0  # [s] for the answer of a node that is there: it may be starting
 OF_A_START = {"autostart", "bag"}  # parameters that whoever starts a node gives
 Node = Annotated[str, typer.Argument(help="Name of the node, such as haptic_driver.", autocompletion=node_name)]
@@ -103,7 +104,7 @@ def _client(domain: int | None, namespace: str) -> Iterator:
 
 def _asked(client, question) -> Any:
     """What the answer means. A node that nobody sees is said sooner than one that does not answer."""
-    end = time.monotonic() + LISTENING
+    end = time.monotonic() + SHOWING
     while not client.service(question.service).ready and time.monotonic() < end:
         client.look()
         time.sleep(0.02)

@@ -10,6 +10,7 @@ import pytest
 from in_process import haptic
 
 from haptic_device.control import enable_state, records
+from haptic_device.description import load_device
 from haptic_device.message_fields import TAIL
 from haptic_device.nodes import bridge, driver, exchange_server, loopback, recorded_topics, recorder
 from haptic_device.parameters import EXCHANGE_METHODS
@@ -132,6 +133,25 @@ def test_the_operating_point_in_the_documents_passes_the_check(tmp_path):
         file = tmp_path / f"{number}.yaml"
         file.write_text(block, encoding="utf-8")
         assert load_yaml(file) and problems(file) == []
+
+
+def test_the_table_of_shipped_devices_says_what_their_files_say():
+    said = set()
+    for devices, links, axes, *numbers, workspaces in rows(FORMATS, "Shipped devices"):
+        spaces = workspaces.replace("−", "-").split(", ")
+        for device, link in zip(devices.split(", "), links.split(", "), strict=True):
+            named = device.strip("`"), link.strip("`")
+            said |= {(*named, axis, *numbers, space) for axis, space in zip(axes.split(", "), spaces, strict=True)}
+    files = [load_device(str(file)) for file in (ROOT / "config/devices").glob("*.yaml")]
+    assert said == {
+        (device.name, device.link.type, axis.name, *_numbers(axis), "{:g} to {:g}".format(*axis.workspace))
+        for device in files
+        for axis in device.axes
+    }
+
+
+def _numbers(axis):
+    return [f"{value:.4g}" for value in (axis.mass, axis.damping, axis.coulomb, 1e6 / axis.counts_per_unit)]
 
 
 @pytest.mark.parametrize(
