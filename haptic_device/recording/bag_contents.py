@@ -134,7 +134,9 @@ class Recording:
         bag: path of the bag.
         namespace: namespace of the topics, such as `/haptic`.
         joints: JointState topics, and wrench and pose, by short name.
-        clouds: PointCloud2 topics as structured arrays, by short name.
+        clouds: PointCloud2 topics as structured arrays, by short name: the rows of all messages, one after the other.
+        cloud_stamps: of clouds whose rows have no `deadline`, such as `scene/contacts`: for each row the stamp of its
+            message, of the system clock [ns], by short name.
         diagnostics: what nodes said, {name: statuses, oldest first}.
         marks: markers, in the order of time.
         attachments: files in the bag, {name: bytes}.
@@ -160,6 +162,7 @@ class Recording:
     namespace: str
     joints: dict[str, Joints]
     clouds: dict[str, Records]
+    cloud_stamps: dict[str, Nanoseconds]
     diagnostics: dict[str, tuple[Status, ...]]
     marks: tuple[Mark, ...]
     attachments: dict[str, bytes]
@@ -242,8 +245,18 @@ class Recording:
         return time - np.interp(time, system[begins], offsets).round().astype(np.int64)
 
     def columns(self, topic: str) -> dict[str, npt.NDArray[Any]]:
-        """A topic as flat named columns over `time` [s of CLOCK_MONOTONIC]; vectors as name.x, name.y, name.theta."""
-        return flat_cloud(self._named(self.clouds, topic)) if topic in self.clouds else self._flat_joints(topic)
+        """A topic as flat named columns over `time` [s of CLOCK_MONOTONIC]; vectors as name.x, name.y, name.theta.
+
+        `time` is the stamp of the message; of a cloud the row's `deadline`, else the stamp of the row's message. A
+        message of several rows, such as one of `scene/contacts`, gives them all one time. Such a cloud has no `time`
+        where nothing in the bag joins the clocks. Raises ValueError if the topic was not recorded, or as `monotonic`.
+        """
+        if topic not in self.clouds:
+            return self._flat_joints(topic)
+        flat = flat_cloud(self.clouds[topic])
+        if topic not in self.cloud_stamps or len(self.pairs[0]) == 0:
+            return flat
+        return {"time": self.monotonic(self.cloud_stamps[topic]) * 1e-9} | flat
 
     def to_dataframe(self, topic: str, library: str = "pandas") -> Any:
         """`columns` as a DataFrame of pandas or polars, as `library` says; ImportError if it is not installed."""

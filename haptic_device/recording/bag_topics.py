@@ -56,17 +56,20 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
     ours = {name[len(namespace) + 1 :]: topic for name, topic in topics.items() if name.startswith(namespace + "/")}
     found = {name: topic for name, topic in ours.items() if not topic.refused}
     skipped = {name: counted(topic.times.sequence) for name, topic in topics.items()}
-    joints, clouds = {}, {}
+    joints, clouds, cloud_stamps = {}, {}, {}
     for name, topic in found.items():
         if isinstance(topic.collector, JointColumns):
             joints[name] = _joints(name, topic.collector, topic.times, notes)
         elif isinstance(topic.collector, CloudColumns):
             clouds[name] = _cloud(name, topic.collector, notes)
+            if "deadline" not in (clouds[name].dtype.names or ()):
+                cloud_stamps[name] = topic.collector.row_stamps()
     return Recording(
         bag,
         namespace,
         joints,
         clouds,
+        cloud_stamps,
         _diagnostics(said, namespace),
         _marks(found.get(MARK), notes),
         attachments,

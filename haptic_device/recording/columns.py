@@ -142,6 +142,11 @@ class CloudColumns:
         self._rows.resize(self._count, refcheck=False)
         return self._rows
 
+    def row_stamps(self) -> npt.NDArray[np.int64]:
+        """For each record the stamp [ns] of the message that it came in."""
+        counts = np.diff(np.array([*self.begins, self._count], np.int64))
+        return np.repeat(np.array(self.stamps, np.int64), counts)
+
     def _subset(self, wanted: np.dtype[np.void]) -> np.dtype[np.void]:
         there = self._record
         self.missing = [n for n in wanted.names or () if n not in there.names or there[n].shape != wanted[n].shape]

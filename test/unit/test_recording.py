@@ -357,6 +357,28 @@ def test_a_topic_becomes_a_data_frame_over_the_one_clock(run, library):
     assert state["time"].to_numpy() == pytest.approx(rows["deadline"][::4] * 1e-9, abs=1e-9)
 
 
+def test_each_row_of_a_cloud_without_deadlines_has_the_time_of_its_message(tmp_path):
+    contact = np.dtype([("body_a", "f8"), ("force_x", "f8")])
+    times, messages = (5.0, 5.25, 5.5), []
+    for number, (time, count) in enumerate(zip(times, (2, 0, 1), strict=True), 1):
+        stamp = BOOT_TO_EPOCH + round(time * 1e9)
+        rows = np.full(count, number, contact)
+        state = joints(("time",), [time], stamp)
+        messages += [
+            ("/haptic/operator/state", JOINTS, state, number, stamp),
+            ("/haptic/scene/contacts", CLOUD, CloudLayout(contact).pack(stamp, rows), number, stamp),
+        ]
+    recording = load(write_bag(tmp_path / "run", *messages))
+    frame = recording.to_dataframe("scene/contacts")
+    assert list(frame) == ["time", "body_a", "force_x"] and len(frame) == len(recording.clouds["scene/contacts"]) == 3
+    assert frame["time"].to_list() == [5.0, 5.0, 5.5] and frame["body_a"].to_list() == [1.0, 1.0, 3.0]
+    assert (recording.cloud_stamps["scene/contacts"] - BOOT_TO_EPOCH).tolist() == [5 * 10**9, 5 * 10**9, 55 * 10**8]
+
+
+def test_rows_with_deadlines_of_their_own_take_no_time_of_a_message(run):
+    assert load(run).cloud_stamps == {}
+
+
 def test_every_column_of_the_trace_has_its_unit_or_counts():
     from haptic_device.control.records import TRACE_ROW
 
