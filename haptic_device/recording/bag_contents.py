@@ -103,10 +103,19 @@ class Joints(NamedTuple):
         return f"Joints({len(self.stamp)} messages of {', '.join(self.names) or 'nothing'})"
 
     def entry(self, name: str, part: str = "position") -> Array:
-        """One entry over time, (n); `part` is position, velocity or effort. Raises ValueError if it is not there."""
+        """One entry over time, (n); `part` is position, velocity or effort.
+
+        Raises ValueError, with what there is, if the topic has no such entry or this part of it is not there.
+        """
         if name not in self.names:
-            raise ValueError(f"the topic has no entry {name}; it has {', '.join(self.names)}")
+            raise ValueError(f"the topic has no entry {name}; it has {', '.join(self.names) or 'none'}")
+        if part not in (there := self._parts()):
+            raise ValueError(f"the topic has no {part} of {name}; it has {', '.join(there) or 'names only'}")
         return getattr(self, part)[:, self.names.index(name)]
+
+    def _parts(self) -> list[str]:
+        """Of position, velocity and effort those that were read."""
+        return [part for part in PORT_UNITS if getattr(self, part).shape[1]]
 
 
 class Mark(NamedTuple):
@@ -265,9 +274,8 @@ class Recording:
     def _flat_joints(self, topic: str) -> dict[str, npt.NDArray[Any]]:
         joints = self.joint(topic)
         flat = {"time": self.monotonic(joints.stamp) * 1e-9}
-        parts = [part for part in PORT_UNITS if getattr(joints, part).shape[1]]  # those that were read
         for index, name in enumerate(joints.names):
-            flat |= {f"{name}.{part}": getattr(joints, part)[:, index] for part in parts}
+            flat |= {f"{name}.{part}": getattr(joints, part)[:, index] for part in joints._parts()}
         return flat
 
     def _named(self, found: dict[str, Any], topic: str) -> Any:

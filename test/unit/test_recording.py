@@ -436,6 +436,20 @@ def test_wrench_and_pose_come_back_by_the_names_of_their_fields(tmp_path, frame)
     assert set(recording.columns("wrench")) == {"time", *(f"{name}.effort" for name in wrench.names)}
 
 
+def test_a_part_that_a_topic_lacks_is_refused_with_those_that_it_has(tmp_path):
+    wrench = "/haptic/wrench", WRENCH, stamped(WRENCH, "", 0, *range(6))
+    pose = "/haptic/pose", POSE, stamped(POSE, "", 0, *range(7))
+    recording = load(write_bag(tmp_path / "run", wrench, pose))
+    with pytest.raises(ValueError, match=r"^the topic has no position of force\.x; it has effort$"):
+        recording.joint("wrench").entry("force.x")
+    assert recording.joint("wrench").entry("force.x", "effort").tolist() == [0.0]
+    for part in ("velocity", "effort", "force"):
+        with pytest.raises(ValueError, match=rf"^the topic has no {part} of position\.x; it has position$"):
+            recording.joint("pose").entry("position.x", part)
+    with pytest.raises(ValueError, match="no entry force; it has force.x, force.y"):
+        recording.joint("wrench").entry("force", "effort")
+
+
 def test_a_wrench_cut_off_is_left_out_and_the_rest_is_read(tmp_path):
     cut = "/haptic/wrench", WRENCH, stamped(WRENCH, "", 0, *range(6))[:-8]
     recording = load(write_bag(tmp_path / "run", cut, ("/haptic/encoder", JOINTS, joints(("x",), [1.0], 0))))
