@@ -62,6 +62,7 @@ TRACE_UNITS = {
     **{f"force_{what}": PORT_UNITS["effort"] for what in ("walls", "coupling", "cancellation", "gravity")},
     **{f"force_{what}": PORT_UNITS["effort"] for what in ("passivity", "on_handle")},
 }
+LIBRARIES = ("pandas", "polars")
 _SECOND = 1_000_000_000
 
 
@@ -191,12 +192,12 @@ class Recording:
 
     def joint(self, topic: str) -> Joints:
         """A JointState topic by its short name, such as `operator/state`. Raises ValueError if it was not recorded."""
-        return self._named(self.joints, topic)
+        return self._named(self.joints, "JointState topic", topic)
 
     @property
     def trace(self) -> Records:
         """Every servo tick: a structured array, units in TRACE_UNITS. Raises ValueError if it was not recorded."""
-        return self._named(self.clouds, "trace")
+        return self._named(self.clouds, "cloud", "trace")
 
     @property
     def trace_rows_missing(self) -> int:
@@ -268,21 +269,29 @@ class Recording:
         return {"time": self.monotonic(self.cloud_stamps[topic]) * 1e-9} | flat
 
     def to_dataframe(self, topic: str, library: str = "pandas") -> Any:
-        """`columns` as a DataFrame of pandas or polars, as `library` says; ImportError if it is not installed."""
+        """`columns` as a DataFrame of pandas or polars, as `library` says.
+
+        Raises ValueError as `columns`, or if `library` is another; ImportError if it is not installed.
+        """
+        if library not in LIBRARIES:
+            raise ValueError(f"library {library} is none of {', '.join(LIBRARIES)}")
         return importlib.import_module(library).DataFrame(self.columns(topic))
 
     def _flat_joints(self, topic: str) -> dict[str, npt.NDArray[Any]]:
-        joints = self.joint(topic)
+        joints = self._named(self.joints, "topic", topic)
         flat = {"time": self.monotonic(joints.stamp) * 1e-9}
         for index, name in enumerate(joints.names):
             flat |= {f"{name}.{part}": getattr(joints, part)[:, index] for part in joints._parts()}
         return flat
 
-    def _named(self, found: dict[str, Any], topic: str) -> Any:
+    def _named(self, found: dict[str, Any], kind: str, topic: str) -> Any:
         if topic not in found:
-            there = ", ".join(found) or "none of its kind"
+            kinds: dict[str, Iterable[str]] = {"JointState topics": self.joints, "clouds": self.clouds}
+            there = " and the ".join(f"{name} {', '.join(names)}" for name, names in kinds.items() if names)
+            told = f"the {there}" if there else "neither JointState topics nor clouds"
             why = "".join(f"; {note}" for note in self.notes)
-            raise ValueError(f"bag {self.bag} has no topic {topic} under {self.namespace or '/'}; it has {there}{why}")
+            what = f"{kind} {topic}" if topic in self.joints | self.clouds else f"topic {topic}"
+            raise ValueError(f"bag {self.bag} has no {what} under {self.namespace or '/'}; it has {told}{why}")
         return found[topic]
 
 

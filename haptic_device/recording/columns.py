@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Collectors that turn serialized messages into arrays: JointStates by entry, clouds of records by column."""
 
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -144,7 +145,7 @@ class CloudColumns:
 
     def row_stamps(self) -> npt.NDArray[np.int64]:
         """For each record the stamp [ns] of the message that it came in."""
-        counts = np.diff(np.array([*self.begins, self._count], np.int64))
+        counts = [end - begin for begin, end in pairwise([*self.begins, self._count])]
         return np.repeat(np.array(self.stamps, np.int64), counts)
 
     def _subset(self, wanted: np.dtype[np.void]) -> np.dtype[np.void]:

@@ -250,6 +250,48 @@ def test_several_devices_in_one_bag_need_a_namespace(tmp_path):
     assert load(tmp_path / "two", "/right").joint("encoder").entry("x")[0] == 0
 
 
+@pytest.mark.parametrize(("namespace", "said"), [("/left", "/left"), ("haptic", "haptic"), ("/hap", "/hap")])
+def test_a_namespace_that_a_bag_lacks_is_refused_with_those_that_it_has(run, namespace, said):
+    with pytest.raises(ValueError, match=f"has no namespace {said}; it has /haptic$"):
+        load(run, namespace)
+
+
+def test_a_topic_that_only_asks_for_is_refused_where_neither_bag_nor_project_has_it(run):
+    with pytest.raises(
+        ValueError, match="only names trase, which bag .* lacks; it has handle, operator/state, tool, trace"
+    ):
+        load(run, only={"trase": None, "handle": None})
+    recording = load(run, only={"handle": None, "scene/contacts": None})  # as a bag made in lock-step lacks it
+    assert set(recording.joints) == {"handle"} and recording.clouds == {} and recording.notes == ()
+    for wrong in (["trace"], "trace"):
+        with pytest.raises(TypeError, match="only is a (list|str), not a mapping of topics such as {'trace': None}"):
+            load(run, only=wrong)
+
+
+def test_every_topic_that_the_recorder_waits_for_may_be_asked_for(run):
+    from haptic_device.nodes.recorded_topics import KNOWN
+
+    asked = dict.fromkeys(name for name in KNOWN if not name.startswith("/"))
+    assert load(run, only=asked).clouds.keys() == {"trace"}
+
+
+def test_a_topic_that_a_bag_lacks_is_refused_with_all_that_it_has(run):
+    recording = load(run)
+    has = "under /haptic; it has the JointState topics handle, tool, operator/state and the clouds trace$"
+    for refused, said in (
+        (lambda: recording.joint("trace"), "no JointState topic trace"),
+        (lambda: recording.to_dataframe("wall"), "no topic wall"),
+        (lambda: load(run, only={"handle": None}).trace, "no topic trace"),
+    ):
+        with pytest.raises(ValueError, match=said) as caught:
+            refused()
+    assert str(caught.value).endswith("it has the JointState topics handle")
+    with pytest.raises(ValueError, match=has):
+        recording.joint("trace")
+    with pytest.raises(ValueError, match="^library excel is none of pandas, polars$"):
+        recording.to_dataframe("trace", "excel")
+
+
 def test_a_bag_refuses_a_folder_in_use_and_a_type_it_cannot_describe(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(ValueError, match="not empty"):
