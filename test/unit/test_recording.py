@@ -363,6 +363,16 @@ def test_demo_and_report_have_the_same_words_and_numbers_for_the_strongest_force
         assert words in told and words in said
 
 
+def test_demo_and_report_have_the_same_energy_given_to_the_tool_and_tell_it_from_that_of_the_samples(run, capsys):
+    figures = outcome.figures(load(run), 0.0)
+    tables.print_outcome({"scene": "wall", "done": True, "why": "", **figures, "bag": None, "report": None})
+    told, name = sections(read_run(run))["Energy"], "given to the tool, at the end"
+    assert figures["energy_j"]["tool_port_end"] == 0.125 and told[name] == "125 mJ"
+    [said] = [line for line in capsys.readouterr().out.splitlines() if f"energy {name}" in line]
+    assert told[name] in said
+    assert told["given to the tool, by the samples at the servo, end"] == "0 J"  # the tool of this bag stands still
+
+
 def test_a_motor_that_never_engaged_has_no_figures():
     rows = swing(10)
     rows["engage"] = 0
