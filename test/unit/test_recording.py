@@ -363,6 +363,15 @@ def test_demo_and_report_have_the_same_words_and_numbers_for_the_strongest_force
         assert words in told and words in said
 
 
+def test_of_the_folder_of_a_run_the_bag_in_it_is_named(tmp_path):
+    write_run(tmp_path / "corner_run" / "bag", swing(80))
+    with pytest.raises(ValueError, match=rf"holds no \.mcap file.*; did you mean {tmp_path}/corner_run/bag\?$"):
+        load(tmp_path / "corner_run")
+    (tmp_path / "other" / "bag").mkdir(parents=True)
+    with pytest.raises(ValueError, match=r"so it is no bag of this kind$"):
+        load(tmp_path / "other")
+
+
 def test_demo_and_report_have_the_same_energy_given_to_the_tool_and_tell_it_from_that_of_the_samples(run, capsys):
     figures = outcome.figures(load(run), 0.0)
     tables.print_outcome({"scene": "wall", "done": True, "why": "", **figures, "bag": None, "report": None})
