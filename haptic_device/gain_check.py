@@ -10,6 +10,7 @@ from haptic_device.control import passivity, velocity_estimator
 from haptic_device.digits import apart, plain
 
 WHOLE = 100.0  # N/m, N m/rad from which on an allowed stiffness is a whole number
+JOINTLY = 1e-6  # N/m to which the stiffness that walls and coupling allow together is found
 PRECISE = 1e-4  # of a lateness that is too much, to which the most is found
 
 
@@ -210,7 +211,9 @@ def _blames(settings, lateness, other=None):
         price = functools.partial(_switch_price, settings, normal)
         which = f" of wall {j}" if settings["wall"]["count"] > 1 else ""
         late = lateness, other
-        yield _blame("wall.stiffness", passivity.least_damping, *gains, there, settings, late, price, which=which)
+        coupled = functools.partial(_most_of_walls, settings, j)
+        told = {"coupled": coupled, "which": which}
+        yield _blame("wall.stiffness", passivity.least_damping, *gains, there, settings, late, price, **told)
     for i in range(int(settings["axes"])):
         there = settings["hardware"]["damping"][i] / settings["hardware"]["scale"][i] ** 2
         yield _blame_cancellation(settings, i, lateness)
@@ -224,9 +227,47 @@ def _blames(settings, lateness, other=None):
         yield _blame(f"{name}stiffness", need, stiffness, counted, there, settings, (lateness, other), told=told)
 
 
-def _blame(name, needed, stiffness, damping, there, settings, late, priced=lambda lateness: 1.0, told="", which=""):
+def _most_of_walls(settings, wall, lateness):
+    """Stiffness [N/m] below which this wall, without the others, is covered together with the coupling; 0: none."""
+    kept = np.zeros(len(settings["wall"]["stiffness"]))
+    kept[wall] = settings["wall"]["stiffness"][wall]
+    alone = settings.copy()
+    alone["wall"]["stiffness"], alone["wall"]["damping"][kept == 0.0] = kept, 0.0
+    return _most(alone, "wall", slice(None), lateness)
+
+
+def _most(settings, part, places, lateness):
+    """Stiffness [N/m] to which those of a part are to be cut so that x and y have damping left over; 0: none."""
+    tried, given = settings.copy(), settings[part]["stiffness"].copy()
+    low, high = 0.0, float(given[places].max(initial=0.0))
+    while high - low > JOINTLY:
+        middle = 0.5 * (low + high)
+        tried[part]["stiffness"][places] = np.minimum(given, middle)[places]
+        low, high = (middle, high) if margins(tried, lateness)[1] > 0.0 else (low, middle)
+    return high if low > 0.0 else 0.0
+
+
+def _cut(limit):
+    """A limit of stiffness without the digits that nobody sets."""
+    return math.floor(limit) if limit >= WHOLE else math.floor(1e2 * limit) / 1e2
+
+
+def _blame(
+    name,
+    needed,
+    stiffness,
+    damping,
+    there,
+    settings,
+    late,
+    priced=lambda lateness: 1.0,
+    told="",
+    which="",
+    coupled=None,
+):
     """needed: of a wall or a coupling; late: the lateness, and another for which it is said too what is allowed, or
-    None; told: which gains make the damping that counts, if it is not the wall's own; which: of several walls.
+    None; told: which gains make the damping that counts, if it is not the wall's own; which: of several walls; coupled:
+    the stiffness that is allowed together with the coupling, at a lateness.
     """
     (lateness, other), period, counted = late, float(settings["period"]), damping * _switched(settings)
     price = priced(lateness)
@@ -238,8 +279,9 @@ def _blame(name, needed, stiffness, damping, there, settings, late, priced=lambd
     def allowed(late):
         left = max(0.0, there / priced(late) - needed(0.0, counted, period, late))
         limit = left / needed(1.0, 0.0, period, late)
-        limit = math.floor(limit) if limit >= WHOLE else math.floor(1e2 * limit) / 1e2
-        return f"under {plain(limit, unit)}" if limit > 0.0 else "at no stiffness"
+        limit, beside = _cut(limit), _cut(coupled(late)) if coupled else math.inf
+        with_coupling = f" ({plain(beside, unit)} with this coupling)" if 0.0 < beside < limit else ""
+        return f"under {plain(limit, unit)}{with_coupling}" if limit > 0.0 else "at no stiffness"
 
     twice = " (twice, for adaptive_window)" if counted > damping else ""
     lacking, has = apart(need, there)
@@ -280,7 +322,11 @@ def _blame_cancellation(settings, axis, lateness):
 
 def _together(settings, lateness):
     lacking = abs(margins(settings, lateness)[1])
+    parts = {"wall": slice(None), "coupling": slice(2)}
+    limits = {part: _cut(_most(settings, part, places, lateness)) for part, places in parts.items()}
+    known = [f"{part}.stiffness to under {plain(most, 'N/m')}" for part, most in limits.items() if most > 0.0]
+    lower = " or ".join(known) or "wall.stiffness or coupling.stiffness"
     return (
         f"walls and coupling together need {lacking:.3g} N s/m more physical damping than the device has in their "
-        "worst direction: lower wall.stiffness or coupling.stiffness"
+        f"worst direction: lower {lower}"
     )

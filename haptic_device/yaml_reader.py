@@ -56,6 +56,8 @@ def loads(text: str | bytes, ros: bool = False) -> dict:
         return _Values(ros).of(root)
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
+        if "\t" in _indentation(text, line):
+            raise ValueError(f"line {line} begins with a tab; use spaces") from None
         raise ValueError(f"line {line} is not YAML: {error.problem}") from None
     except (yaml.YAMLError, UnicodeError) as error:
         raise ValueError(f"this is not a YAML text: {' '.join(str(error).split())}") from None
@@ -92,6 +94,12 @@ class _Loader(PARSER):
         if kind is yaml.ScalarNode and implicit[0]:
             return PLAIN
         return super().resolve(kind, value, implicit)
+
+
+def _indentation(text, line):
+    """What the line begins with before its first character that is seen."""
+    words = "".join(text.splitlines()[line - 1 : line])
+    return words[: len(words) - len(words.lstrip())]
 
 
 def _look_through(text, ros):

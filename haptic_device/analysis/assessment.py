@@ -182,7 +182,7 @@ def advise(display: Display, assessment: Assessment) -> str:
         >>> display = Display(stiffness=3000.0, damping=0.0, physical_damping=1.0, period=0.001)
         >>> print(advise(display, assess(display)))
         Not passive: it needs b > 1.5 N s/m and the device has 1; supply that or lower the stiffness
-        below 2000 N/m; it is not even stable on its own.
+        below 2000 N/m as a wall; it is not even stable on its own.
     """
     if not assessment.passive:
         lacks = "; ".join(_lacks(display, assessment))
@@ -191,8 +191,12 @@ def advise(display: Display, assessment: Assessment) -> str:
     if not assessment.mu_passive:
         need = f"b > {assessment.b_required_mu:.4g} N s/m" if isfinite(assessment.b_required_mu) else "no b is enough"
         return f"Passive as a wall, with {spare}, but not as a coupling to any passive simulation ({need})."
-    most = min(assessment.stiffness_max_passive, assessment.stiffness_max_mu)
-    return f"Passive with {spare}; the stiffness could rise to {most:.5g} N/m."
+    wall = assessment.stiffness_max_passive
+    coupling = min(wall, assessment.stiffness_max_mu)  # what friction has to cover holds for both
+    return (
+        f"Passive with {spare}; the stiffness could rise to {coupling:.5g} N/m as a coupling, "
+        f"to {wall:.5g} N/m as a wall."
+    )
 
 
 def _lacks(display: Display, assessment: Assessment) -> Iterator[str]:
@@ -207,7 +211,7 @@ def _lacks(display: Display, assessment: Assessment) -> Iterator[str]:
 
 def _softer(assessment: Assessment) -> str:
     if assessment.stiffness_max_passive > 0.0:
-        return f"lower the stiffness below {assessment.stiffness_max_passive:.5g} N/m"
+        return f"lower the stiffness below {assessment.stiffness_max_passive:.5g} N/m as a wall"
     return "bring the damping nearer to 0, for no stiffness is passive with it"
 
 

@@ -62,6 +62,7 @@ TRACE_UNITS = {
     **{f"force_{what}": PORT_UNITS["effort"] for what in ("walls", "coupling", "cancellation", "gravity")},
     **{f"force_{what}": PORT_UNITS["effort"] for what in ("passivity", "on_handle")},
 }
+LIBRARIES = ("pandas", "polars")
 _SECOND = 1_000_000_000
 
 
@@ -103,10 +104,19 @@ class Joints(NamedTuple):
         return f"Joints({len(self.stamp)} messages of {', '.join(self.names) or 'nothing'})"
 
     def entry(self, name: str, part: str = "position") -> Array:
-        """One entry over time, (n); `part` is position, velocity or effort. Raises ValueError if it is not there."""
+        """One entry over time, (n); `part` is position, velocity or effort.
+
+        Raises ValueError, with what there is, if the topic has no such entry or this part of it is not there.
+        """
         if name not in self.names:
-            raise ValueError(f"the topic has no entry {name}; it has {', '.join(self.names)}")
+            raise ValueError(f"the topic has no entry {name}; it has {', '.join(self.names) or 'none'}")
+        if part not in (there := self._parts()):
+            raise ValueError(f"the topic has no {part} of {name}; it has {', '.join(there) or 'names only'}")
         return getattr(self, part)[:, self.names.index(name)]
+
+    def _parts(self) -> list[str]:
+        """Of position, velocity and effort those that were read."""
+        return [part for part in PORT_UNITS if getattr(self, part).shape[1]]
 
 
 class Mark(NamedTuple):
@@ -134,7 +144,9 @@ class Recording:
         bag: path of the bag.
         namespace: namespace of the topics, such as `/haptic`.
         joints: JointState topics, and wrench and pose, by short name.
-        clouds: PointCloud2 topics as structured arrays, by short name.
+        clouds: PointCloud2 topics as structured arrays, by short name: the rows of all messages, one after the other.
+        cloud_stamps: of clouds whose rows have no `deadline`, such as `scene/contacts`: for each row the stamp of its
+            message, of the system clock [ns], by short name.
         diagnostics: statuses of nodes, {name: statuses, oldest first}.
         marks: markers, in the order of time.
         attachments: files in the bag, {name: bytes}.
@@ -160,6 +172,7 @@ class Recording:
     namespace: str
     joints: dict[str, Joints]
     clouds: dict[str, Records]
+    cloud_stamps: dict[str, Nanoseconds]
     diagnostics: dict[str, tuple[Status, ...]]
     marks: tuple[Mark, ...]
     attachments: dict[str, bytes]
@@ -179,12 +192,12 @@ class Recording:
 
     def joint(self, topic: str) -> Joints:
         """A JointState topic by its short name, such as `operator/state`. Raises ValueError if it was not recorded."""
-        return self._named(self.joints, topic)
+        return self._named(self.joints, "JointState topic", topic)
 
     @property
     def trace(self) -> Records:
         """Every servo tick: a structured array, units in TRACE_UNITS. Raises ValueError if it was not recorded."""
-        return self._named(self.clouds, "trace")
+        return self._named(self.clouds, "cloud", "trace")
 
     @property
     def trace_rows_missing(self) -> int:
@@ -242,26 +255,43 @@ class Recording:
         return time - np.interp(time, system[begins], offsets).round().astype(np.int64)
 
     def columns(self, topic: str) -> dict[str, npt.NDArray[Any]]:
-        """A topic as flat named columns over `time` [s of CLOCK_MONOTONIC]; vectors as name.x, name.y, name.theta."""
-        return flat_cloud(self._named(self.clouds, topic)) if topic in self.clouds else self._flat_joints(topic)
+        """A topic as flat named columns over `time` [s of CLOCK_MONOTONIC]; vectors as name.x, name.y, name.theta.
+
+        `time` is the stamp of the message; of a cloud the row's `deadline`, else the stamp of the row's message. A
+        message of several rows, such as one of `scene/contacts`, gives them all one time. Such a cloud has no `time`
+        where nothing in the bag joins the clocks. Raises ValueError if the topic was not recorded, or as `monotonic`.
+        """
+        if topic not in self.clouds:
+            return self._flat_joints(topic)
+        flat = flat_cloud(self.clouds[topic])
+        if topic not in self.cloud_stamps or len(self.pairs[0]) == 0:
+            return flat
+        return {"time": self.monotonic(self.cloud_stamps[topic]) * 1e-9} | flat
 
     def to_dataframe(self, topic: str, library: str = "pandas") -> Any:
-        """`columns` as a DataFrame of pandas or polars, as `library` says; ImportError if it is not installed."""
+        """`columns` as a DataFrame of pandas or polars, as `library` says.
+
+        Raises ValueError as `columns`, or if `library` is another; ImportError if it is not installed.
+        """
+        if library not in LIBRARIES:
+            raise ValueError(f"library {library} is none of {', '.join(LIBRARIES)}")
         return importlib.import_module(library).DataFrame(self.columns(topic))
 
     def _flat_joints(self, topic: str) -> dict[str, npt.NDArray[Any]]:
-        joints = self.joint(topic)
+        joints = self._named(self.joints, "topic", topic)
         flat = {"time": self.monotonic(joints.stamp) * 1e-9}
-        parts = [part for part in PORT_UNITS if getattr(joints, part).shape[1]]  # those that were read
         for index, name in enumerate(joints.names):
-            flat |= {f"{name}.{part}": getattr(joints, part)[:, index] for part in parts}
+            flat |= {f"{name}.{part}": getattr(joints, part)[:, index] for part in joints._parts()}
         return flat
 
-    def _named(self, found: dict[str, Any], topic: str) -> Any:
+    def _named(self, found: dict[str, Any], kind: str, topic: str) -> Any:
         if topic not in found:
-            there = ", ".join(found) or "none of its kind"
+            kinds: dict[str, Iterable[str]] = {"JointState topics": self.joints, "clouds": self.clouds}
+            there = " and the ".join(f"{name} {', '.join(names)}" for name, names in kinds.items() if names)
+            told = f"the {there}" if there else "neither JointState topics nor clouds"
             why = "".join(f"; {note}" for note in self.notes)
-            raise ValueError(f"bag {self.bag} has no topic {topic} under {self.namespace or '/'}; it has {there}{why}")
+            what = f"{kind} {topic}" if topic in self.joints | self.clouds else f"topic {topic}"
+            raise ValueError(f"bag {self.bag} has no {what} under {self.namespace or '/'}; it has {told}{why}")
         return found[topic]
 
 

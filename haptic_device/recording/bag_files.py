@@ -12,6 +12,7 @@ from mcap.records import Message, Statistics
 from haptic_device.recording.mcap_records import Records
 from haptic_device.recording.metadata import METADATA, said_in
 
+OF_RUN = "bag"  # name of the bag in the folder of a run
 _CONVERT = "`ros2 bag convert` makes an uncompressed MCAP bag of it"
 _ENDINGS = {
     ".db3": "stored as sqlite3",
@@ -40,7 +41,8 @@ def files_of(bag: Path) -> BagFiles:
     if stored := _storage(bag, said, there):
         raise ValueError(f"bag {bag} is {stored}, which is not read here: {_CONVERT}")
     if not there:
-        raise ValueError(f"folder {bag} holds no .mcap file, so it is no bag of this kind")
+        within = f"; did you mean {bag / OF_RUN}?" if any((bag / OF_RUN).glob("*.mcap")) else ""
+        raise ValueError(f"folder {bag} holds no .mcap file, so it is no bag of this kind{within}")
     named = [Path(str(name)).name for name in said.get("relative_file_paths") or ()]
     chosen = named or [name for name in there if _is_numbered(bag, name)] or list(there)
     found = [there[name] for name in dict.fromkeys(chosen) if name in there]

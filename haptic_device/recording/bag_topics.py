@@ -17,6 +17,15 @@ from haptic_device.status import Status, named_statuses, of_namespace
 
 TOPICS = ("encoder", "motor", "handle", "tool", "trace", "wrench", "pose", "operator/state", "operator/target")
 MARK = "mark"
+OTHERS = (
+    "/diagnostics",
+    MARK,
+    "snapshot",
+    "local_contacts",
+    "joint_states",
+    "scene/state",
+    "scene/contacts",
+)  # which not every bag has
 _NODE = "haptic_"  # begins the name of every node of ours
 
 
@@ -24,7 +33,9 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
     """Reads a bag folder or one .mcap file. Needs no ROS.
 
     Raises FileNotFoundError or ValueError with one sentence if there is nothing to read. A bag that is cut off or
-    damaged is read as far as possible, and `notes` reports this.
+    damaged is read as far as possible, and `notes` reports this. Raises ValueError too if the bag has no such
+    namespace, or if `only` names a topic that the bag lacks and that no node of this project publishes; TypeError if
+    `only` is no mapping.
 
     Args:
         bag: path of the bag.
@@ -44,6 +55,8 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
             ...
         FileNotFoundError: bag nowhere does not exist
     """
+    if not isinstance(only, Mapping | None):
+        raise TypeError(f"only is a {type(only).__name__}, not a mapping of topics such as {{'trace': None}}")
     bag = Path(bag)
     topics, attachments, notes = read(bag, lambda topic, type_name: _collector(topic, type_name, only))
     notes += [f"topic {name} is left out: {topic.refused}" for name, topic in topics.items() if topic.refused]
@@ -54,19 +67,23 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
     names = {name for one in said for name, _ in one}
     namespace = _only_namespace(topics, names, bag) if namespace is None else namespace.rstrip("/")
     ours = {name[len(namespace) + 1 :]: topic for name, topic in topics.items() if name.startswith(namespace + "/")}
+    _refuse_unknown(bag, namespace, ours, topics, only or ())
     found = {name: topic for name, topic in ours.items() if not topic.refused}
     skipped = {name: counted(topic.times.sequence) for name, topic in topics.items()}
-    joints, clouds = {}, {}
+    joints, clouds, cloud_stamps = {}, {}, {}
     for name, topic in found.items():
         if isinstance(topic.collector, JointColumns):
             joints[name] = _joints(name, topic.collector, topic.times, notes)
         elif isinstance(topic.collector, CloudColumns):
             clouds[name] = _cloud(name, topic.collector, notes)
+            if "deadline" not in (clouds[name].dtype.names or ()):
+                cloud_stamps[name] = topic.collector.row_stamps()
     return Recording(
         bag,
         namespace,
         joints,
         clouds,
+        cloud_stamps,
         _diagnostics(said, namespace),
         _marks(found.get(MARK), notes),
         attachments,
@@ -92,6 +109,17 @@ def _collector(topic: str, type_name: str, only: Mapping[str, Any] | None) -> Co
     if type_name == JOINTS or type_name in STAMPED:
         return JointColumns(type_name, wanted)
     return CloudColumns(wanted) if type_name == CLOUD else None
+
+
+def _refuse_unknown(bag: Path, namespace: str, ours: Iterable[str], topics: Iterable[str], only: Iterable[str]) -> None:
+    """Raises ValueError for a namespace, or a name in `only`, that the bag lacks. A bag may lack topics of ours."""
+    there = sorted(_namespaces(topics, TOPICS) or _namespaces(topics, (MARK,)))
+    if there and not ours:
+        raise ValueError(
+            f"bag {bag} has no namespace {namespace or '/'}; it has {', '.join(name or '/' for name in there)}"
+        )
+    if unknown := [name for name in only if name not in (*ours, *TOPICS, *OTHERS)]:
+        raise ValueError(f"only names {', '.join(unknown)}, which bag {bag} lacks; it has {', '.join(sorted(ours))}")
 
 
 def _lost(bag: Path, skipped: Mapping[str, SequenceGaps]) -> dict[str, int | None]:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Collectors that turn serialized messages into arrays: JointStates by entry, clouds of records by column."""
 
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -141,6 +142,11 @@ class CloudColumns:
         """All records as one structured array."""
         self._rows.resize(self._count, refcheck=False)
         return self._rows
+
+    def row_stamps(self) -> npt.NDArray[np.int64]:
+        """For each record the stamp [ns] of the message that it came in."""
+        counts = [end - begin for begin, end in pairwise([*self.begins, self._count])]
+        return np.repeat(np.array(self.stamps, np.int64), counts)
 
     def _subset(self, wanted: np.dtype[np.void]) -> np.dtype[np.void]:
         there = self._record

@@ -91,14 +91,15 @@ def _next(display, assessment):
 
 def _rows(display, assessment):
     damping, stiffness = ("b", "N s/m", display.physical_damping), ("K", "N/m", display.stiffness)
-    limit = assessment.stiffness_max_passive
+    limit, coupled = assessment.stiffness_max_passive, assessment.stiffness_max_mu
     yield _row("passive wall, any operator", assessment.margin > 0.0, *damping, ">", assessment.b_required)
     coupling = "passive coupling, any simulation"
     yield _row(coupling, assessment.mu_passive, *damping, ">", assessment.b_required_mu)
     if display.resolution > 0.0:
         friction, needed = display.coulomb, assessment.coulomb_required
         yield _row("encoder step covered by friction", friction >= needed, "f", "N", friction, "≥", needed)
-    yield _row("soft enough to be passive", stiffness[2] < limit, *stiffness, "<", limit)
+    yield _row("soft enough as a passive wall", stiffness[2] < limit, *stiffness, "<", limit)
+    yield _row("soft enough as a passive coupling", stiffness[2] < coupled, *stiffness, "<", coupled)
     yield _row("stable when nobody holds it", assessment.stable, *stiffness, "<", assessment.stiffness_max_stable)
 
 

@@ -9,6 +9,7 @@ import typer
 
 from haptic_device import ros_environment
 from haptic_device.nodes import FIRST_ROW
+from haptic_device.nodes.bag_attachments import trial_of
 from haptic_sim.cli.numbers import number
 from haptic_sim.cli.words import next_step, shown_path
 from haptic_sim.supervision.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible
@@ -46,6 +47,7 @@ def record(
         "split.duration": split_duration,
     }
     parameters = {name: value for name, value in given.items() if value not in (None, "")}
+    trial_of({"trial.fields": [], "trial.participant": participant, "trial.condition": condition} | parameters)
     program = Program(RECORDER, "haptic_device.nodes.recorder", parameters, namespace=namespace)
     with Nodes(out / "log") as nodes:
         try:

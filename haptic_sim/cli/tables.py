@@ -97,7 +97,7 @@ def _wave(run: Run) -> str:
 
 
 def _margin(run: Run) -> str:
-    return plain(float(np.min(_known(run.rows["least margin [N s/m]"][:, :2]))))
+    return plain(float(np.min(_known(run.rows["margin"][:, :2]))))
 
 
 def _cpu(run: Run) -> str:

@@ -97,7 +97,7 @@ def draw(scene: Scene, axes: Axes) -> None:
         'x [mm]'
     """
     way, drawn = handle_way(scene), drawing_of(scene)
-    seen = _frame(axes, scene, way)
+    seen = _frame(axes, scene, way, drawn)
     _draw_kinds(axes, drawn)
     for solid in (*drawn.solids[1:], drawn.solids[0]):
         _draw_solid(axes, solid)
@@ -297,11 +297,13 @@ def _draw_joints(axes: Axes, joints: Sequence[AnyJoint], drawn: Drawing) -> None
             axes.plot(*(ends[0] + 1e3 * way).T, "|-", color="black", linewidth=0.8, zorder=6)
 
 
-def _frame(axes: Axes, scene: Scene, way: np.ndarray) -> np.ndarray:
+def _frame(axes: Axes, scene: Scene, way: np.ndarray, drawn: Drawing) -> np.ndarray:
     """Shows everything that ends somewhere, with a margin, one scale; places (x, y) of it [mm]."""
     feet = [foot for body in scene.bodies for foot in _feet(body, scene.tool)]
     goals = [end for measure in scene.measure.values() for end in _goal(scene, measure)]
-    seen = 1e3 * np.array([*corners(scene), *feet, *way[:, :2], *goals])
+    poses = {solid.name: solid.pose for solid in drawn.solids}
+    ends = [mark.place(poses) for marks in drawn.joints for mark in marks]
+    seen = 1e3 * np.array([*corners(scene), *feet, *way[:, :2], *goals, *ends])
     low, high = seen.min(axis=0), seen.max(axis=0)
     center, half = (low + high) / 2.0, 0.56 * max(*(high - low), 1.0)
     axes.set(

@@ -197,8 +197,21 @@ def test_the_table_of_walls_says_what_the_wall_at_the_limit_did(shown):
 def test_the_row_of_a_stiffness_beyond_the_passive_limit_says_no(monkeypatch):
     words = ("passivity", "--damping", "0", "--physical-damping", "1", "--period", "0.001", "--stiffness")
     for stiffness, answer in (("1999", "yes"), ("2001", "no")):
-        [row] = [line for line in haptic(*words, stiffness).stdout.splitlines() if "soft enough to be passive" in line]
-        assert answer in row.split() and "2000 N/m" in row
+        rows = [line for line in haptic(*words, stiffness).stdout.splitlines() if "soft enough as a passive" in line]
+        assert len(rows) == 2 and "wall" in rows[0] and "coupling" in rows[1]
+        assert all(answer in row.split() and "2000 N/m" in row for row in rows)
+
+
+def test_with_a_delay_the_limits_of_stiffness_as_a_wall_and_as_a_coupling_are_told_apart():
+    words = ["--damping", "0", "--physical-damping", "0.5", "--period", "0.001", "--delay-samples", "1", "--stiffness"]
+    for stiffness, told in (("249", ["yes", "yes"]), ("251", ["yes", "no"]), ("334", ["no", "no"])):
+        said = haptic("passivity", *words, stiffness).stdout
+        wall, coupling = (line.split() for line in said.splitlines() if "soft enough as a passive" in line)
+        assert [next(word for word in row if word in ("yes", "no")) for row in (wall, coupling)] == told
+        assert "333" in wall and "250" in coupling
+    assert "could rise to 250 N/m as a coupling, to 333.33 N/m as a wall" in " ".join(
+        haptic("passivity", *words, "100").stdout.split()
+    )
 
 
 @pytest.mark.parametrize(

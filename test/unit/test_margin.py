@@ -106,6 +106,27 @@ def test_the_worst_direction_of_oblique_walls_counts():
     assert "together" in gain_check.refusal(oblique)
 
 
+def beside_a_coupling(stiffness, coupling=2000.0):
+    gains = {"coupling__stiffness": coupling, "coupling__damping": 1.0}
+    return gain_check.refusal(settings(3.0, **walls(stiffness, 1.0, 0.0) | gains))
+
+
+def test_a_wall_beyond_what_it_may_alone_is_told_at_once_what_it_may_with_the_coupling():
+    refused = beside_a_coupling(30000.0)
+    assert refused.endswith("the device has 3: allowed under 16000 N/m (6000 N/m with this coupling)")
+    assert beside_a_coupling(5999.0) == "" and beside_a_coupling(6001.0) != ""
+
+
+def test_walls_and_coupling_that_are_too_much_together_are_told_how_far_to_lower_either():
+    refused = beside_a_coupling(6500.0)
+    assert refused.endswith("lower wall.stiffness to under 6000 N/m or coupling.stiffness to under 1500 N/m")
+    assert beside_a_coupling(6500.0, 1499.0) == "" and beside_a_coupling(6500.0, 1501.0) != ""
+    oblique = gain_check.refusal(settings(**walls(4000.0, 0.0, 30.0, 60.0)))
+    most = float(re.search(r"lower wall\.stiffness to under (\d+) N/m$", oblique)[1])
+    assert gain_check.refusal(settings(**walls(most - 1.0, 0.0, 30.0, 60.0))) == ""
+    assert gain_check.refusal(settings(**walls(most + 1.0, 0.0, 30.0, 60.0))) != ""
+
+
 def test_scaling_changes_the_felt_stiffness_by_its_square():
     assert gain_check.refusal(settings(scale=(2.0, 1.0), **walls(1190.0, 0.05, 90.0))) == ""
     assert "under 1200 " in gain_check.refusal(settings(scale=(2.0, 1.0), **walls(1210.0, 0.05, 90.0)))

@@ -49,16 +49,16 @@ def recorded(tmp_path, monkeypatch, capsys):
                 signal.raise_signal(signal.SIGINT)
             return {name: (self.printed(name).splitlines() or [""])[-1] for name in ("haptic_recorder",)}
 
-    def command(seconds=None, first=None, interrupted=None):
+    def command(seconds=None, first=None, interrupted=None, **trial):
         nonlocal wish
         wish, made = (first, interrupted), []
         monkeypatch.setattr(record, "Nodes", lambda logs: made.append(Recorder(logs)) or made[0])
         try:
-            record.record(out, seconds)
+            record.record(out, seconds, **trial)
             said = capsys.readouterr().err
         except ValueError as error:
             said = f"refused: {error}; {capsys.readouterr().err}"
-        return types.SimpleNamespace(said=said.strip(), ended=made[0].ended)
+        return types.SimpleNamespace(said=said.strip(), ended=made[0].ended if made else None)
 
     wish = (None, None)
     return command
@@ -85,6 +85,12 @@ def test_a_first_row_is_waited_for_from_the_recorders_last_word_on_so_long_and_n
 def test_without_a_length_rows_are_waited_for_until_ctrl_c(recorded):
     found = recorded(first=10 * record.HEARING, interrupted=11 * record.HEARING)
     assert found.said.startswith("recording to ") and found.ended >= 11 * record.HEARING
+
+
+def test_a_field_without_a_value_is_refused_before_anything_is_written(recorded, tmp_path):
+    assert recorded(field=["hand"]).said == "refused: trial.fields has 'hand'; write name=value;"
+    assert not (tmp_path / "out").exists()
+    assert recorded(seconds=4.0, first=6.0, field=["hand=left", "note="]).said.startswith("recording to ")
 
 
 def test_ended_before_anything_was_heard_it_is_refused(recorded):

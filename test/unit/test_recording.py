@@ -250,6 +250,48 @@ def test_several_devices_in_one_bag_need_a_namespace(tmp_path):
     assert load(tmp_path / "two", "/right").joint("encoder").entry("x")[0] == 0
 
 
+@pytest.mark.parametrize(("namespace", "said"), [("/left", "/left"), ("haptic", "haptic"), ("/hap", "/hap")])
+def test_a_namespace_that_a_bag_lacks_is_refused_with_those_that_it_has(run, namespace, said):
+    with pytest.raises(ValueError, match=f"has no namespace {said}; it has /haptic$"):
+        load(run, namespace)
+
+
+def test_a_topic_that_only_asks_for_is_refused_where_neither_bag_nor_project_has_it(run):
+    with pytest.raises(
+        ValueError, match="only names trase, which bag .* lacks; it has handle, operator/state, tool, trace"
+    ):
+        load(run, only={"trase": None, "handle": None})
+    recording = load(run, only={"handle": None, "scene/contacts": None})  # as a bag made in lock-step lacks it
+    assert set(recording.joints) == {"handle"} and recording.clouds == {} and recording.notes == ()
+    for wrong in (["trace"], "trace"):
+        with pytest.raises(TypeError, match="only is a (list|str), not a mapping of topics such as {'trace': None}"):
+            load(run, only=wrong)
+
+
+def test_every_topic_that_the_recorder_waits_for_may_be_asked_for(run):
+    from haptic_device.nodes.recorded_topics import KNOWN
+
+    asked = dict.fromkeys(name for name in KNOWN if not name.startswith("/"))
+    assert load(run, only=asked).clouds.keys() == {"trace"}
+
+
+def test_a_topic_that_a_bag_lacks_is_refused_with_all_that_it_has(run):
+    recording = load(run)
+    has = "under /haptic; it has the JointState topics handle, tool, operator/state and the clouds trace$"
+    for refused, said in (
+        (lambda: recording.joint("trace"), "no JointState topic trace"),
+        (lambda: recording.to_dataframe("wall"), "no topic wall"),
+        (lambda: load(run, only={"handle": None}).trace, "no topic trace"),
+    ):
+        with pytest.raises(ValueError, match=said) as caught:
+            refused()
+    assert str(caught.value).endswith("it has the JointState topics handle")
+    with pytest.raises(ValueError, match=has):
+        recording.joint("trace")
+    with pytest.raises(ValueError, match="^library excel is none of pandas, polars$"):
+        recording.to_dataframe("trace", "excel")
+
+
 def test_a_bag_refuses_a_folder_in_use_and_a_type_it_cannot_describe(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(ValueError, match="not empty"):
@@ -321,6 +363,25 @@ def test_demo_and_report_have_the_same_words_and_numbers_for_the_strongest_force
         assert words in told and words in said
 
 
+def test_of_the_folder_of_a_run_the_bag_in_it_is_named(tmp_path):
+    write_run(tmp_path / "corner_run" / "bag", swing(80))
+    with pytest.raises(ValueError, match=rf"holds no \.mcap file.*; did you mean {tmp_path}/corner_run/bag\?$"):
+        load(tmp_path / "corner_run")
+    (tmp_path / "other" / "bag").mkdir(parents=True)
+    with pytest.raises(ValueError, match=r"so it is no bag of this kind$"):
+        load(tmp_path / "other")
+
+
+def test_demo_and_report_have_the_same_energy_given_to_the_tool_and_tell_it_from_that_of_the_samples(run, capsys):
+    figures = outcome.figures(load(run), 0.0)
+    tables.print_outcome({"scene": "wall", "done": True, "why": "", **figures, "bag": None, "report": None})
+    told, name = sections(read_run(run))["Energy"], "given to the tool, at the end"
+    assert figures["energy_j"]["tool_port_end"] == 0.125 and told[name] == "125 mJ"
+    [said] = [line for line in capsys.readouterr().out.splitlines() if f"energy {name}" in line]
+    assert told[name] in said
+    assert told["given to the tool, by the samples at the servo, end"] == "0 J"  # the tool of this bag stands still
+
+
 def test_a_motor_that_never_engaged_has_no_figures():
     rows = swing(10)
     rows["engage"] = 0
@@ -355,6 +416,28 @@ def test_a_topic_becomes_a_data_frame_over_the_one_clock(run, library):
     state = recording.to_dataframe("operator/state", library)
     assert np.array_equal(state["x.position"].to_numpy(), rows["position"][::4, 0])
     assert state["time"].to_numpy() == pytest.approx(rows["deadline"][::4] * 1e-9, abs=1e-9)
+
+
+def test_each_row_of_a_cloud_without_deadlines_has_the_time_of_its_message(tmp_path):
+    contact = np.dtype([("body_a", "f8"), ("force_x", "f8")])
+    times, messages = (5.0, 5.25, 5.5), []
+    for number, (time, count) in enumerate(zip(times, (2, 0, 1), strict=True), 1):
+        stamp = BOOT_TO_EPOCH + round(time * 1e9)
+        rows = np.full(count, number, contact)
+        state = joints(("time",), [time], stamp)
+        messages += [
+            ("/haptic/operator/state", JOINTS, state, number, stamp),
+            ("/haptic/scene/contacts", CLOUD, CloudLayout(contact).pack(stamp, rows), number, stamp),
+        ]
+    recording = load(write_bag(tmp_path / "run", *messages))
+    frame = recording.to_dataframe("scene/contacts")
+    assert list(frame) == ["time", "body_a", "force_x"] and len(frame) == len(recording.clouds["scene/contacts"]) == 3
+    assert frame["time"].to_list() == [5.0, 5.0, 5.5] and frame["body_a"].to_list() == [1.0, 1.0, 3.0]
+    assert (recording.cloud_stamps["scene/contacts"] - BOOT_TO_EPOCH).tolist() == [5 * 10**9, 5 * 10**9, 55 * 10**8]
+
+
+def test_rows_with_deadlines_of_their_own_take_no_time_of_a_message(run):
+    assert load(run).cloud_stamps == {}
 
 
 def test_every_column_of_the_trace_has_its_unit_or_counts():
@@ -412,6 +495,20 @@ def test_wrench_and_pose_come_back_by_the_names_of_their_fields(tmp_path, frame)
     assert np.array_equal(place.position, np.outer((1, 2, 3), pose)) and place.velocity.size == 0
     assert np.array_equal(place.stamp, [10**9 + 7, 2 * 10**9 + 7, 3 * 10**9 + 7])
     assert set(recording.columns("wrench")) == {"time", *(f"{name}.effort" for name in wrench.names)}
+
+
+def test_a_part_that_a_topic_lacks_is_refused_with_those_that_it_has(tmp_path):
+    wrench = "/haptic/wrench", WRENCH, stamped(WRENCH, "", 0, *range(6))
+    pose = "/haptic/pose", POSE, stamped(POSE, "", 0, *range(7))
+    recording = load(write_bag(tmp_path / "run", wrench, pose))
+    with pytest.raises(ValueError, match=r"^the topic has no position of force\.x; it has effort$"):
+        recording.joint("wrench").entry("force.x")
+    assert recording.joint("wrench").entry("force.x", "effort").tolist() == [0.0]
+    for part in ("velocity", "effort", "force"):
+        with pytest.raises(ValueError, match=rf"^the topic has no {part} of position\.x; it has position$"):
+            recording.joint("pose").entry("position.x", part)
+    with pytest.raises(ValueError, match="no entry force; it has force.x, force.y"):
+        recording.joint("wrench").entry("force", "effort")
 
 
 def test_a_wrench_cut_off_is_left_out_and_the_rest_is_read(tmp_path):

@@ -15,12 +15,14 @@ from typer.testing import CliRunner
 from haptic_device import controller_config, gain_check
 from haptic_device.analysis.report import page
 from haptic_device.analysis.report.reading import read_run
+from haptic_device.analysis.report.table import sections
 from haptic_device.control import records
 from haptic_device.device import operator_hand
 from haptic_device.parameter_types import defaults
 from haptic_device.realtime import tick_replay
 from haptic_device.recording import load, writer
 from haptic_device.recording.layouts import JointLayout
+from haptic_sim.cli import tables
 from haptic_sim.node_parameters import NODES
 from haptic_sim.replay import rerun, trace_verification
 from haptic_sim.replay.lockstep import PERFECT, Lockstep
@@ -304,6 +306,12 @@ def test_compare_prints_a_line_for_each_operating_point_and_leaves_a_report(bag,
     assert said.exit_code == 0, said.output
     assert "1-soft" in said.output and "2-soft" in said.output and (tmp_path / "out/report/report.html").exists()
     assert said.stderr.endswith(f"next: open {tmp_path / 'out/report/report.html'}\n")
+    run = read_run(tmp_path / "out/1-soft")
+    told = dict(zip(tables.FIGURES, tables.figures_of(run), strict=True))
+    in_report, impedance = sections(run)["Energy"]["least margin x, y, θ"], "Impedance added by the display"
+    x, y = (part.removesuffix(" N s/m") for part in in_report.split(", ")[:2])
+    assert told["least margin [N s/m]"] == min(x, y, key=float) and float(x) > 0.0
+    assert f"{told['stiffness [N/m]']} N/m" in sections(run)[impedance].values()
 
 
 def test_a_bag_without_motion_is_refused_in_a_sentence(tmp_path):

@@ -129,6 +129,17 @@ def test_every_picture_shows_the_whole_tool_its_way_and_every_body_that_ends(nam
     assert (places < [right, high]).all()
 
 
+@pytest.mark.parametrize("anchor", [(0.4, 0.0), (0.0, -0.4)])
+def test_the_far_end_of_a_spring_is_in_the_picture(anchor):
+    block = {"name": "block", "mass": 1.0, "shapes": [{"box": {"size": [0.02, 0.02]}}]}
+    tool = {"mass": 0.1, "pose": [0.05, 0.05, 0.0], "shapes": [{"circle": {"radius": 0.005}}]}
+    spring = {"type": "spring", "bodies": ["world", "block"], "anchors": [anchor, [0.0, 0.0]], "stiffness": 100.0}
+    axes = Figure().subplots()
+    draw(parse({"name": "one", "bodies": [block], "tool": tool, "joints": [spring]}, "here"), axes)
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    assert left < 1e3 * anchor[0] < right and low < 1e3 * anchor[1] < high
+
+
 def drawn(name, **changed):
     """Axes with the picture of a scene, some of its fields changed."""
     axes = Figure().subplots()

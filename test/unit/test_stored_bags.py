@@ -32,10 +32,12 @@ def bag(original, tmp_path):
 
 def assert_same(one, other):
     """The same recording to the bit, whatever its bag and its notes are."""
-    for name in {field.name for field in fields(one)} - {"bag", "notes", "joints", "clouds", "pairs"}:
+    for name in {field.name for field in fields(one)} - {"bag", "notes", "joints", "clouds", "cloud_stamps", "pairs"}:
         assert getattr(one, name) == getattr(other, name), name
     assert one.clouds.keys() == other.clouds.keys() and one.joints.keys() == other.joints.keys()
     assert all(one.clouds[name].tobytes() == other.clouds[name].tobytes() for name in one.clouds)
+    assert one.cloud_stamps.keys() == other.cloud_stamps.keys()
+    assert all(np.array_equal(stamps, other.cloud_stamps[name]) for name, stamps in one.cloud_stamps.items())
     for name, joints in one.joints.items():
         assert joints.names == other.joints[name].names
         assert all(a.tobytes() == b.tobytes() for a, b in zip(joints[1:], other.joints[name][1:], strict=True))

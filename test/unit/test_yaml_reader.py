@@ -110,6 +110,12 @@ def test_a_merge_key_brings_in_what_is_not_there(text, merged):
         ("a: *b", "line 1 is not YAML: found undefined alias"),
         ("a: " + "[" * 100 + "]" * 100, "line 1 is nested 101 deep; the limit is 100"),
         ("a: " + "[" * 100_000 + "]" * 100_000, "line 1 is nested 101 deep; the limit is 100"),
+        ("a:\n\tb: 1", "line 2 begins with a tab; use spaces"),
+        ("a:\n  b: 1\n\tc: 2", "line 3 begins with a tab; use spaces"),
+        ("a: 1\n  \tb: 2", "line 2 begins with a tab; use spaces"),
+        ("a:\n  - 1\n \t- 2", "line 3 begins with a tab; use spaces"),
+        ("a: [1\nb: 2", "line 2 is not YAML: "),
+        ("a: [1", "line 2 is not YAML: "),
         ("a: \x00", "this is not a YAML text: "),
     ],
 )

@@ -78,7 +78,9 @@ def energies(run: Run) -> list[Curve]:
             raise
     if run.traced:
         found.append(Curve("to the operator, servo's account", run.seconds, run.booked * 1e3, ORANGE, DASHED))
-        found.append(Curve("to the tool at its port", run.seconds, run.tool_energy * 1e3, GREEN, DOTTED))
+        found.append(
+            Curve("to the tool, by the samples at the servo", run.seconds, run.tool_energy * 1e3, GREEN, DOTTED)
+        )
     return found
 
 

@@ -128,8 +128,13 @@ def energy_figures(recording: Recording, rows: Records) -> dict[str, Any]:
     return {
         "given_to_operator_max": float(np.max(given) - given[0]) if len(given) else None,
         "given_to_operator_end": float(given[-1] - given[0]) if len(given) else None,
-        "tool_port_end": recording.grown("haptic_simulation", "tool_port_energy", "sub_steps"),
+        "tool_port_end": energy_given_to_tool(recording),
     }
+
+
+def energy_given_to_tool(recording: Recording) -> float | None:
+    """Energy [J] that the simulation counts at the tool's port from its first status to its last; None if unsaid."""
+    return recording.grown("haptic_simulation", "tool_port_energy", "sub_steps")
 
 
 def waited_time(recording: Recording) -> float | None:

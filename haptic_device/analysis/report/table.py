@@ -118,7 +118,9 @@ def _withheld(run: Run) -> Entries:
 
 def _energy(run: Run) -> Entries:
     yield "given to the operator, servo's account, end", digits.amount(float(run.booked[-1]), "J")
-    yield "to the tool at its port, end", digits.amount(float(run.tool_energy[-1]), "J")
+    by_simulation = summary.energy_given_to_tool(run.recording)
+    yield "given to the tool, at the end", MISSING if by_simulation is None else digits.amount(by_simulation, "J")
+    yield "given to the tool, by the samples at the servo, end", digits.amount(float(run.tool_energy[-1]), "J")
     margin = np.fmin.reduce(run.rows["margin"], axis=0)
     units = ("N s/m", "N s/m", "N m s/rad")
     yield "least margin x, y, θ", ", ".join(digits.plain(float(m), unit) for m, unit in zip(margin, units, strict=True))
