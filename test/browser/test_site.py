@@ -16,12 +16,17 @@ ROOT = Path(__file__).parents[2]
 COLOURED = ("index.html", "theory/passivity.html", "reference/cli.html", "reference/api/theory.html")
 EMPTY = {"config": {"fields": {}, "lang": ["en"], "separator": " ", "pipeline": []}, "docs": []}  # index of the search
 COLOURS = ("color-contrast", "link-in-text-block")  # rules that take a second a page
-SHOWN = """() => ({
-    links: [...document.querySelectorAll("a[href]")].map((link) => link.href),
-    names: [...document.querySelectorAll("[id], a[name]")].map((part) => part.id || part.name),
-    pictures: [...document.images].filter((image) => !image.naturalWidth || !image.alt).map((image) => image.src),
-    wide: document.documentElement.scrollWidth - document.documentElement.clientWidth,
-})"""
+SHOWN = """async () => {
+    for (const image of document.images) image.loading = "eager";  // also what is folded or far below
+    const loaded = (image) => image.decode().then(() => true, () => false);
+    const whole = new Map(await Promise.all([...document.images].map(async (image) => [image, await loaded(image)])));
+    return {
+        links: [...document.querySelectorAll("a[href]")].map((link) => link.href),
+        names: [...document.querySelectorAll("[id], a[name]")].map((part) => part.id || part.name),
+        pictures: [...whole].filter(([image, is]) => !is || !image.alt).map(([image]) => image.src),
+        wide: document.documentElement.scrollWidth - document.documentElement.clientWidth,
+    };
+}"""
 
 
 class Quiet(SimpleHTTPRequestHandler):
