@@ -32,7 +32,7 @@ from pathlib import Path
 
 import llvmlite.binding
 
-from haptic_device.process import ending_with_us, held, own_environment, running_module
+from haptic_device.process import ending_with_us, held, own_environment, running_module, say
 
 ROOT = Path(__file__).resolve().parent.parent
 WITHOUT_KERNELS = {"cli", "client.py", "film", "service_requests.py", "supervision", "viewer"}  # no kernel needs them
@@ -131,7 +131,7 @@ def mend(own: Path) -> None:
             file.unlink(missing_ok=True)
         (own / RECORD).unlink(missing_ok=True)
     many = f" and {len(damaged) - 1} more" if len(damaged) > 1 else ""
-    print(f"{damaged[0]}{many}, of the compiled kernels, is damaged; it is compiled anew", file=sys.stderr, flush=True)
+    say(f"{damaged[0]}{many}, of the compiled kernels, is damaged; it is compiled anew")
 
 
 def _damaged(own):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a process asks of the operating system about its own life."""
+"""What a process asks of the operating system about its own life, and how it says a line."""
 
 import contextlib
 import ctypes
@@ -49,6 +49,13 @@ def own_environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join([_ROOT, *([others] if others else [])])}
 
 
+def say(sentence: str) -> None:
+    """Writes a line to standard error, whole: where nothing is buffered `print` writes its end apart, and what
+    another thread logs can come between."""
+    sys.stderr.write(f"{sentence}\n")
+    sys.stderr.flush()
+
+
 def hear(handler) -> None:
     """From now on SIGINT, SIGTERM and SIGHUP call handler(number, frame); so do those that `held` kept waiting."""
     for number in ENDING:
@@ -93,7 +100,7 @@ def start(module: str) -> int:
     try:
         check_room()
     except (ValueError, OSError) as refusal:
-        print(f"haptic_{module.rpartition('.')[2]}: {refusal}", file=sys.stderr)
+        say(f"haptic_{module.rpartition('.')[2]}: {refusal}")
         return 1
     return importlib.import_module(module).main()
 

@@ -2,7 +2,6 @@
 """What is compiled in advance (haptic_device/jit.py): each entry is a short run of what a node or a command runs."""
 
 import importlib
-import sys
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from haptic_device.link_registry import LINKS
 from haptic_device.message_fields import LOCAL_CONTACT, MOST, exchange_names
 from haptic_device.os_errors import in_words
 from haptic_device.parameter_types import defaults
+from haptic_device.process import say
 from haptic_device.realtime import (
     clock,
     exchange_loop,
@@ -74,10 +74,7 @@ def bridge():
         try:
             importlib.import_module(module).compiled()
         except Exception as error:  # of one link: the others are compiled all the same
-            print(
-                f"link {name} ({module}) cannot be compiled: {type(error).__name__}: {in_words(error)[:LONGEST]}",
-                file=sys.stderr,
-            )
+            say(f"link {name} ({module}) cannot be compiled: {type(error).__name__}: {in_words(error)[:LONGEST]}")
 
 
 def exchange_of_the_driver():

@@ -23,7 +23,7 @@ from haptic_device.nodes.ros import begin_ros, made, refuse_files_of_others
 from haptic_device.nodes.ros_parameters import declare
 from haptic_device.os_errors import in_words
 from haptic_device.parameter_types import Parameter
-from haptic_device.process import ENDING, hear
+from haptic_device.process import ENDING, hear, say
 from haptic_device.realtime.session_clock import SessionClock
 
 LOOK_UP = 0.05  # [s] longest time a signal waits
@@ -235,7 +235,7 @@ def run(make_node, name, args=None):
             if node.failure:
                 node.end_failed()
     except (ValueError, OSError) as refusal:
-        print(f"{name}: {in_words(refusal)}", file=sys.stderr)
+        say(f"{name}: {in_words(refusal)}")
         return 1
     except KeyboardInterrupt:  # of jit.ensure_compiled, which was waiting
         return 0

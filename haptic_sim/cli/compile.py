@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from haptic_device import jit
-from haptic_device.process import die_with_parent
+from haptic_device.process import die_with_parent, say
 from haptic_sim.cli.words import next_step
 
 TEXT = "compiling, once for this machine"
@@ -27,7 +27,7 @@ def compile(entries: Annotated[list[str] | None, typer.Argument(help="Some only;
     if strangers := sorted({*(entries or ())} - {*ENTRIES}):
         raise ValueError(f"no kernels are called {', '.join(strangers)}; there are {', '.join(ENTRIES)}")
     if jit.note():
-        print(jit.note(), file=sys.stderr, flush=True)
+        say(jit.note())
     with jit.alone(jit.folder()):  # what one process compiles another need not
         wrong = _compile(jit.missing([name for name in ENTRIES if name in (entries or ENTRIES)]))
     if wrong:
@@ -76,7 +76,7 @@ def _entry(name):
 def _display(count):
     """show(done, seconds): on a terminal as a bar, elsewhere as a line a second."""
     if not sys.stderr.isatty():
-        yield lambda done, seconds: print(f"{TEXT}: {done} of {count}, {seconds:.0f} s", file=sys.stderr, flush=True)
+        yield lambda done, seconds: say(f"{TEXT}: {done} of {count}, {seconds:.0f} s")
         return
     from rich import progress
     from rich.console import Console

@@ -4,7 +4,6 @@
 import contextlib
 import json as json_text
 import os
-import sys
 import time
 from pathlib import Path
 from typing import Annotated
@@ -15,6 +14,7 @@ import typer
 from haptic_device.config_files import find
 from haptic_device.os_errors import in_words
 from haptic_device.parameter_files import read_operating_point
+from haptic_device.process import say
 from haptic_sim.cli.completion import exchange_method, shipped
 from haptic_sim.cli.keys import ESTOP, keys, stop_key
 from haptic_sim.cli.numbers import number, whole
@@ -62,7 +62,7 @@ def demo(
             order = order._replace(relay=relay if any(relay) else None)
             done = _view(order, host, port) if view else run(order, started, json)
     except KeyboardInterrupt:
-        print(f"haptic demo: interrupted; all nodes have ended{_kept(order)}", file=sys.stderr, flush=True)
+        say(f"haptic demo: interrupted; all nodes have ended{_kept(order)}")
         os._exit(INTERRUPTED)  # an interrupt that struck inside exec() would otherwise end python by SIGINT
     raise typer.Exit(0 if done else 1)
 
@@ -78,7 +78,7 @@ def _view(order, host, port):
 
     with stop_key() as stop:
         done = play(order, {"host": host, "port": port}, stop)
-    print(f"haptic demo: all nodes have ended{_kept(order)}", file=sys.stderr, flush=True)
+    say(f"haptic demo: all nodes have ended{_kept(order)}")
     if (order.out / "bag").exists():
         next_step(f"haptic report {shown_path(order.out / 'bag')}")
     return done
@@ -108,7 +108,7 @@ def play(order: Order) -> bool:
     """Starts the nodes of the order, follows them to the end of the run, stops them. True if the run ended as asked;
     else it is said why. Raises NodeDiedError, ValueError if no motor command came and no fault, OSError."""
     if unended := _play(order, programs_of(order)):
-        print(f"haptic demo: {unended}", file=sys.stderr)
+        say(f"haptic demo: {unended}")
     return not unended
 
 
@@ -120,7 +120,7 @@ def _play(order: Order, programs: list[Program]) -> str:
         raise ValueError("a program of your own serves this device: export ROS_DOMAIN_ID=N where it runs, and here")
     prepare(programs)
     if unkept := promise(programs):
-        print(f"haptic demo: {unkept}", file=sys.stderr)
+        say(f"haptic demo: {unkept}")
     ending = _run_or_begin_anew(order, programs)
     if not (ending.commanded or ending.fault):
         raise ValueError(ending.why)
@@ -136,7 +136,7 @@ def _run_or_begin_anew(order: Order, programs: list[Program]):
     from haptic_sim.fault_sentence import fell  # it loads the compiler, as what follows the run has done
 
     kept, fault = _set_aside(order.out), fell(ending.fault)
-    print(f"haptic demo: {fault}; all nodes are started anew, and {kept} keeps this start", file=sys.stderr)
+    say(f"haptic demo: {fault}; all nodes are started anew, and {kept} keeps this start")
     ending = _once(order, programs)
     return ending._replace(why=f"{fault} again: {_too_busy(programs)}") if _stalled(ending) else ending
 
@@ -145,12 +145,12 @@ def _once(order: Order, programs: list[Program]):
     with isolated_domain(order.out / "log") as domain, Nodes(order.out / "log") as nodes:
         for program in programs:
             nodes.start(program)
-        print(f"haptic demo: haptic status --domain {domain} shows more; space is the e-stop", file=sys.stderr)
+        say(f"haptic demo: haptic status --domain {domain} shows more; space is the e-stop")
         if is_served_by_others(programs):
             from haptic_device.realtime.shared_memory import FOLDER, file_name  # it loads the compiler
 
             page = FOLDER / file_name(domain, NAMESPACE)
-            print(f"haptic demo: the device's own program has to serve {page}, before or after this", file=sys.stderr)
+            say(f"haptic demo: the device's own program has to serve {page}, before or after this")
         return _follow(order.seconds, domain, nodes)
 
 
@@ -192,11 +192,11 @@ def _follow(seconds, domain, nodes):
                     said = client.call(estop)
                 except ValueError as refusal:
                     said = refusal
-                print(f"e-stop: {said}", file=sys.stderr, flush=True)
+                say(f"e-stop: {said}")
             return printed
 
         def tell(sentence):
-            print(f"haptic demo: {sentence}", file=sys.stderr, flush=True)
+            say(f"haptic demo: {sentence}")
 
         with status_line() as show:
             return follow(seconds, client, check, show, tell)
@@ -211,7 +211,7 @@ def _evaluate(order: Order, started: float) -> dict:
     recording = load(order.out / "bag")
     missing = recording.trace_rows_missing
     for note in (*recording.notes, *([f"{missing} ticks are missing from the trace"] if missing else [])):
-        print(f"haptic demo: {note}", file=sys.stderr)
+        say(f"haptic demo: {note}")
     report = order.out / "report.png"
     lossy = order.relay is not None and (order.relay.loss > 0.0 or order.relay.jitter > 0.0)
     found = figures(recording, started, lossy)
@@ -237,7 +237,7 @@ def _conclude(order: Order, found: dict, unended: str, wrong: list[str], as_json
     if found["exchange"] and not as_json:  # what stands below the table is said there
         said = [] if why else [unended]
     for sentence in filter(None, said):
-        print(f"haptic demo: {sentence}", file=sys.stderr)
+        say(f"haptic demo: {sentence}")
     found = {"scene": order.scene, "done": not why, "why": why, **found, "bag": str(bag) if bag.exists() else None}
     if as_json:
         print(json_text.dumps(found))

@@ -8,7 +8,7 @@ import sys
 
 from haptic_device import ros_environment
 from haptic_device.os_errors import in_words
-from haptic_device.process import handling
+from haptic_device.process import handling, say
 from haptic_sim.cli.completion import COMPLETING, completed_words
 from haptic_sim.cli.progress import INTERRUPTED
 
@@ -113,7 +113,7 @@ def _prepare(words):
 
 
 def _refuse(name, reason):
-    print(f"{name}: {reason}", file=sys.stderr)
+    say(f"{name}: {reason}")
     sys.exit(1)
 
 

@@ -7,6 +7,8 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 
+from haptic_device.process import say
+
 INTERRUPTED = 130
 SCHEDULER = "Address of a Dask scheduler (tcp://host:8786) whose workers do the runs, instead of this machine's cores."
 
@@ -23,7 +25,7 @@ def progress(total: int):
         def show(done, what):
             if time.monotonic() - last[0] > 5.0 or done == total:
                 last[0] = time.monotonic()
-                print(f"{done}/{total} {what}", file=sys.stderr, flush=True)
+                say(f"{done}/{total} {what}")
 
         yield show
 
@@ -51,7 +53,7 @@ def status_line() -> Iterator[Callable[[str], None]]:
         nonlocal last
         if time.monotonic() - last >= 1.0:
             last = time.monotonic()
-            print(stamped(line), file=sys.stderr, flush=True)
+            say(stamped(line))
 
     def stamped(line: str) -> str:
         return f"{time.monotonic() - began:6.1f} s   {line}"

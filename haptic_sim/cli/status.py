@@ -12,6 +12,7 @@ import typer
 
 from haptic_device import ros_environment
 from haptic_device.digits import amount
+from haptic_device.process import say
 from haptic_device.status import LEVELS
 from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.numbers import whole
@@ -43,7 +44,7 @@ def status(
         else:
             found = _watch(client, domain, namespace is None)
     if not found and (why := ros_environment.discovery()):
-        print(f"haptic status: nothing was heard; {why}", file=sys.stderr)
+        say(f"haptic status: nothing was heard; {why}")
     if not found and not json:
         next_step("haptic demo --view starts a display; --domain N looks into another ROS domain")
     raise typer.Exit(0 if found and max(entry["level"] for entry in found.values()) < LEVELS.index("ERROR") else 1)

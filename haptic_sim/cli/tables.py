@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables that commands print: what came of a run, and runs side by side."""
 
-import sys
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from rich.text import Text  # what nodes have said may look like markup
 
 from haptic_device.analysis.report.run import Run
 from haptic_device.digits import amount, plain, with_error
+from haptic_device.process import say
 from haptic_device.status import number
 from haptic_sim.cli.outcome_rows import rows
 from haptic_sim.cli.words import console, print_sentence
@@ -40,7 +40,7 @@ def print_outcome(found: dict) -> None:
 def print_notes(bag: Path | str, notes: Iterable[str]) -> None:
     """Prints what is wrong with a bag on standard error, a line each."""
     for note in notes:
-        print(f"{bag}: {note}", file=sys.stderr)
+        say(f"{bag}: {note}")
 
 
 def print_comparison(runs: dict[str, Run]) -> None:

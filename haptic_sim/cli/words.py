@@ -7,6 +7,8 @@ import sys
 import textwrap
 from pathlib import Path
 
+from haptic_device.process import say
+
 PIPED = 120  # columns of a table that goes to a file, where COLUMNS does not say
 
 
@@ -31,7 +33,7 @@ def _width_is_known() -> bool:
 
 def next_step(text: str) -> None:
     """Says on standard error what to do now."""
-    print(f"next: {text}", file=sys.stderr, flush=True)
+    say(f"next: {text}")
 
 
 def shown_path(path: Path | str) -> str:

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recorded hand on other gains: what a bag says of its run, made into a lock-step system, and run into a new bag."""
 
-import sys
 import time
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,6 +12,7 @@ from haptic_device.config_files import ConfigError, find
 from haptic_device.description import Device, load_device
 from haptic_device.parameter_files import read_operating_point
 from haptic_device.parameter_types import SECTION, check_value, defaults
+from haptic_device.process import say
 from haptic_device.recording import load
 from haptic_device.recording.bag_contents import Recording
 from haptic_device.recording.columns import Entries
@@ -196,7 +196,7 @@ def replay(hand: Hand, point: Point, network: Network, bag: Path) -> float:
         written.close({"cpu_share": f"{share:.4f}"})
     except BaseException:  # a full disk, or Ctrl-C: what there is stays
         written.break_off()
-        print(f"broken off: what was played is in {bag}", file=sys.stderr)
+        say(f"broken off: what was played is in {bag}")
         raise
     return share
 

@@ -2,12 +2,12 @@
 """Driver and loopback for a tool: the ones that run, or a pair of the tool's own in a domain of its own."""
 
 import contextlib
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from haptic_device import ros_environment
+from haptic_device.process import say
 from haptic_sim.fault_sentence import fell
 from haptic_sim.supervision.device_programs import device_programs
 from haptic_sim.supervision.domain import isolated_domain
@@ -33,7 +33,7 @@ def on_pair(domain: int | None, namespace: str | None, driver: dict, loopback: d
     except FaultError as found:
         if domain is not None or namespace is not None:
             raise
-        print(f"{fell(found.fault)}; both nodes are started anew", file=sys.stderr, flush=True)
+        say(f"{fell(found.fault)}; both nodes are started anew")
     try:
         return once()
     except FaultError as found:

@@ -6,13 +6,12 @@ import itertools
 import os
 import signal
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 from haptic_device import ros_environment
-from haptic_device.process import ending_with_us, handling, held, own_environment, running_module
+from haptic_device.process import ending_with_us, handling, held, own_environment, running_module, say
 
 NAMESPACE = "/haptic"
 TAIL = 4096  # bytes of a log that its last line is looked for in
@@ -132,7 +131,7 @@ class Nodes:
         with undisturbed():
             for name in reversed(list(self._running)):
                 if not self.end(name):
-                    print(f"{name} had to be killed; it heard neither SIGINT nor SIGTERM", file=sys.stderr)
+                    say(f"{name} had to be killed; it heard neither SIGINT nor SIGTERM")
 
     def end_all_but(self, kept: str) -> None:
         """Ends the others as `stop` does; returns when they have ended."""

@@ -8,7 +8,6 @@ if __name__ == "__main__":  # before the imports, which take seconds
 
 import asyncio
 import contextlib
-import sys
 import time
 from dataclasses import asdict
 
@@ -21,6 +20,7 @@ from haptic_device.nodes.lifecycle import hear_the_end
 from haptic_device.nodes.ros import begin_ros, made, refuse_files_of_others
 from haptic_device.nodes.ros_parameters import declare
 from haptic_device.os_errors import in_words
+from haptic_device.process import say
 from haptic_device.realtime.scheduling import spare_collections
 from haptic_sim.client import Client
 from haptic_sim.method_registry import AUTO, offered
@@ -98,7 +98,7 @@ class Viewer:
             self._scene_told = self.state.scene_number
             self.server.tell("scene", self._scene())
         if said := self.commands.troubles.news():
-            print(f"haptic_viewer: {said}", file=sys.stderr, flush=True)
+            say(f"haptic_viewer: {said}")
         state = (self.state.said(DRIVER, "state"), self.commands.troubles.trouble, self._unfelt["words"])
         if now >= self._status_due:
             self._answer_ros()
@@ -111,7 +111,7 @@ class Viewer:
             said = await self.commands.do(STOP, None)
         except ValueError as refusal:
             said = str(refusal)
-        print(f"e-stop: {said}", file=sys.stderr, flush=True)
+        say(f"e-stop: {said}")
 
     def _tell_leader(self):
         """Each page whether it leads the hand, when that changes. A page that has gone leads no more."""
@@ -242,14 +242,12 @@ class Viewer:
         host = self._values["host"]
         self._node.get_logger().info(f"serving pages on {host}, of the nodes in {self._node.get_namespace()}")
         if not is_loopback(host):
-            print(
+            say(
                 f"haptic_viewer: WARNING: it listens on {host}, in plain text: whoever sees the address below on the "
-                "network can move the handle",
-                file=sys.stderr,
-                flush=True,
+                "network can move the handle"
             )
         for note in self.server.notes:
-            print(f"haptic_viewer: {note}", file=sys.stderr, flush=True)
+            say(f"haptic_viewer: {note}")
         print(f"haptic_viewer: open {self.server.address(True)}", flush=True)
         print(f"haptic_viewer: view-only: {self.server.address(False)}", flush=True)
         print(f"haptic_viewer: e-stop: {here}Esc on any page", flush=True)
@@ -276,6 +274,6 @@ def main(args: list[str] | None = None, stop=None) -> int:
     try:
         serve(args, lambda: told, stop=stop)
     except (ValueError, OSError) as refusal:
-        print(f"haptic_viewer: {in_words(refusal)}", file=sys.stderr)
+        say(f"haptic_viewer: {in_words(refusal)}")
         return 1
     return 0
