@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 import waiting
+from growing_log import GrowingLog
 
 from haptic_device import description, yaml_reader
 from haptic_device.link import codec, request_timing
@@ -191,7 +192,7 @@ class Emulator:
     def __init__(self, start, name, log, *words):
         command = [sys.executable, str(EMULATORS / f"{name}.py"), str(log), *map(str, words)]
         self.process = start(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        self._log = log
+        self._log = GrowingLog(log, lambda words: words[1])
         self.port = self.process.stdout.readline().strip()
 
     def order(self, words):
@@ -202,8 +203,12 @@ class Emulator:
 
     def said(self, word):
         """What its log tells of this kind so far, in order, without the times."""
-        lines = [line.split(maxsplit=2) for line in self._log.read_text().splitlines()]
-        return [line[2] if len(line) > 2 else "" for line in lines if line[1] == word]
+        return [" ".join(words[2:]) for words in self._log.lines(word)]
 
     def torques(self):
         return [tuple(map(float, told.split())) for told in self.said("torque")]
+
+    def torque(self):
+        """The last of them, () before the first."""
+        told = self._log.lines("torque")
+        return tuple(map(float, told[-1][2:])) if told else ()

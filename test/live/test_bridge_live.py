@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from growing_log import GrowingLog
 from in_process import haptic
 from live_nodes import HOLDING, Nodes
 from waiting import LIMIT, exit_code, until
@@ -31,6 +32,7 @@ DRIVER = {"servo__rate": 500.0, "publish__rate": 100.0, "engage__time": 0.05, "f
 HAND = {"motion.name": "follow", "motion.start": (0.02, 0.0, 0.0)}
 FREE, PRESSED, PUSH = 0.02, -0.005, 2.0  # [m] off the wall and in it; [N] that show it
 WARN, ERROR = 1, 2
+COMMAND, CHANGE = 1, 4  # words of a line of the device's log
 
 
 class Program:
@@ -76,9 +78,10 @@ class Rig:
     def start_device(self):
         """A device at the place where the one before it was."""
         self._starts += 1
-        self._log = self._folder / f"motor{self._starts}"
+        log = self._folder / f"motor{self._starts}"
+        self._log = GrowingLog(log, len)
         line = ("--udp", self._port) if self.kind == "udp" else ("--pty", self._where)
-        words = (reference_device.compiled(), "--config", self._config, "--log", self._log, *line)
+        words = (reference_device.compiled(), "--config", self._config, "--log", log, *line)
         self.device = Program(*words)
         if self.kind == "udp":
             self._port = int(self.device.line.split()[1])
@@ -104,18 +107,15 @@ class Rig:
 
     def motor(self):
         """(time [ns], force on x [N]) of each change that the device has logged."""
-        return [(int(words[0]), float(words[1])) for words in self._logged() if len(words) == 4]
+        return [(int(words[0]), float(words[1])) for words in self._log.lines(CHANGE)]
 
     def commands(self):
         """When each command began to act [ns], as the device has logged it: the line may lose what it is told."""
-        return [int(words[0]) for words in self._logged() if len(words) == 1]
-
-    def _logged(self):
-        return [line.split() for line in self._log.read_text().splitlines()]
+        return [int(words[0]) for words in self._log.lines(COMMAND)]
 
     def pushes(self):
-        changes = self.motor()
-        return bool(changes) and changes[-1][1] > PUSH
+        changes = self._log.lines(CHANGE)
+        return bool(changes) and float(changes[-1][1]) > PUSH
 
     def falls(self, *names):
         """Waits until the driver is in one of these faults."""

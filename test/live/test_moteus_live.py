@@ -14,8 +14,8 @@ from waiting import exit_code, until
 from haptic_device import yaml_reader
 
 WEAK = {"wall__normals": [1.0, 0.0], "wall__offsets": [0.11], "wall__stiffness": [5.0], "wall__damping": [0.0]}
-SOFT = {"coupling__stiffness": 100.0, "coupling__damping": 0.1, **HOLDING}
-DRIVER = {"servo__rate": 1000.0, "engage__time": 0.05, "fault__silence": 0.2, "auto_enable": True, **WEAK, **SOFT}
+SOFT = {"coupling__stiffness": 5.0, "coupling__damping": 0.1, **HOLDING}  # passive also where a busy machine is late
+DRIVER = {"servo__rate": 1000.0, "engage__time": 0.05, "fault__silence": 1.0, "auto_enable": True, **WEAK, **SOFT}
 """The knob stands 80 mm within the wall when it is enabled, and is pushed out with 0.4 N in a second or so."""
 PUSH = 0.002  # [N m] that shows a force
 
@@ -34,7 +34,7 @@ def knob(start, tmp_path):
 
 def torque(knob):
     """What the motor does [N m]."""
-    return (knob.torques() or [(1.0, 0.0)])[-1][1]
+    return (knob.torque() or (1.0, 0.0))[1]
 
 
 def gave_up(knob):
@@ -59,7 +59,7 @@ def pressing(knob, own):
 
 
 def test_whoever_ends_the_motor_is_switched_off_by_the_bridge_and_stays_so(knob, own):
-    bridge = own.start("haptic_bridge", device=str(knob.device))
+    bridge = own.start("haptic_bridge", device=str(knob.device), motor_watchdog=0.5)
     for number in (signal.SIGKILL, signal.SIGTERM, signal.SIGINT):
         driver = pressing(knob, own)
         driver.send_signal(number)
