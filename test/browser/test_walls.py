@@ -285,6 +285,28 @@ def test_steps_go_back_and_forward_by_button_and_key_but_not_in_a_field(page, st
     are(700, 1.0)
 
 
+AT_ONCE = """([place, value, ...undos]) => {  // no answer comes between
+    const number = document.querySelector(place);
+    number.value = value;
+    number.dispatchEvent(new Event("change"));
+    for (const key of undos) document.dispatchEvent(new KeyboardEvent("keydown", {key, ctrlKey: true}));
+}"""
+
+
+def test_an_undo_does_not_wait_for_the_answer_to_what_it_takes_back(page, stage):
+    put(page, "gain_coupling_stiffness", 700)
+    until(page, lambda: stage.driver[NAME] == 700)
+    page.page.evaluate(AT_ONCE, [field("gain_coupling_damping"), 0.5, "z", "y", "z"])
+    until(page, lambda: len(stage.asked) == 5)
+    assert stage.asked[1:] == [{"coupling.damping": value} for value in (0.5, 1.0, 0.5, 1.0)]
+    stage.refusal = "no"
+    page.page.evaluate(AT_ONCE, [field("gain_coupling_damping"), 0.7])
+    page.until_text("gain_coupling_damping_answer", "^no$")
+    stage.refusal = ""
+    page.page.click("#undo")  # what was refused is no step
+    until(page, lambda: stage.asked[6:] == [{NAME: 1000}])
+
+
 def test_defaults_are_what_it_began_with_in_one_step(page, stage):
     put(page, "gain_coupling_stiffness", 700)
     put(page, "gain_coupling_damping", 0.5)

@@ -3,12 +3,14 @@
 
 const MOST = 100; // steps that are kept
 const TOGETHER = 1000; // ms between two changes of the same thing that are one step: a slider is drawn
+const FORGOTTEN = 3000; // ms after which what was asked for and never answered counts as ignored
 const TEXTS = "input[type=number], input[type=text], input:not([type]), textarea";
 
 export class History {
   // set: ({name: value}) asks the driver.
   constructor(set, { undo, redo, defaults }) {
-    this.set = set;
+    this.send = set;
+    this.wishes = []; // that no answer has come to, the oldest first
     this.buttons = { undo, redo, defaults };
     this.values = this.began = {};
     this.back = [];
@@ -25,6 +27,19 @@ export class History {
     if (last?.thing === thing && performance.now() < last.at + TOGETHER) last.at = performance.now();
     else this.keep(this.current(Object.keys(values)), thing);
     this.set(values);
+  }
+
+  // Asks for values, which count as the driver's until it answers.
+  set(values) {
+    this.wishes.push({ values, at: performance.now() });
+    this.send(values);
+  }
+
+  // What has become of values that were asked for is in the driver's values by now.
+  answered(values) {
+    const wish = this.wishes.findIndex((one) => JSON.stringify(one.values) === JSON.stringify(values));
+    if (wish >= 0) this.wishes.splice(wish, 1);
+    this.showButtons();
   }
 
   // Remembers what all are now, before something else sets them.
@@ -63,7 +78,13 @@ export class History {
   show(values, began) {
     this.values = values;
     this.began = began;
+    this.wishes = this.wishes.filter(({ at }) => performance.now() < at + FORGOTTEN);
     this.showButtons();
+  }
+
+  // The driver's values, as they are once it has taken what was asked for.
+  get known() {
+    return Object.assign({}, this.values, ...this.wishes.map(({ values }) => values));
   }
 
   showButtons() {
@@ -74,11 +95,13 @@ export class History {
   }
 
   current(names) {
-    return Object.fromEntries(names.filter((name) => name in this.values).map((name) => [name, this.values[name]]));
+    const { known } = this;
+    return Object.fromEntries(names.filter((name) => name in known).map((name) => [name, known[name]]));
   }
 
   differing(wanted) {
-    const differs = ([name, value]) => name in this.values && JSON.stringify(value) !== JSON.stringify(this.values[name]);
+    const { known } = this;
+    const differs = ([name, value]) => name in known && JSON.stringify(value) !== JSON.stringify(known[name]);
     return Object.fromEntries(Object.entries(wanted).filter(differs));
   }
 

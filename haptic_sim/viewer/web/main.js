@@ -144,6 +144,7 @@ function answered(answer) {
 
 // The answer to a wish for values: where they are shown, or below them all.
 function settled(answer) {
+  history.answered(answer.to.values);
   const heard = [gains, tuning, walls].map((part) => part.answered(answer)).some(Boolean);
   say("tuning_answer", heard || answer.done ? "" : answer.sentence, answer.done);
 }
