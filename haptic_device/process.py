@@ -50,10 +50,11 @@ def own_environment() -> dict[str, str]:
 
 
 def say(sentence: str) -> None:
-    """Writes a line to standard error, whole: where nothing is buffered `print` writes its end apart, and what
-    another thread logs can come between."""
-    sys.stderr.write(f"{sentence}\n")
-    sys.stderr.flush()
+    """Writes a line to standard error, if there is one, whole: where nothing is buffered `print` writes its end apart,
+    and what another thread logs can come between."""
+    if sys.stderr is not None:
+        sys.stderr.write(f"{sentence}\n")
+        sys.stderr.flush()
 
 
 def hear(handler) -> None:

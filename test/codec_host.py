@@ -192,7 +192,7 @@ class Emulator:
     def __init__(self, start, name, log, *words):
         command = [sys.executable, str(EMULATORS / f"{name}.py"), str(log), *map(str, words)]
         self.process = start(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        self._log = GrowingLog(log, lambda words: words[1])
+        self._log = GrowingLog(log, lambda line: line[1])
         self.port = self.process.stdout.readline().strip()
 
     def order(self, words):
@@ -203,12 +203,13 @@ class Emulator:
 
     def said(self, word):
         """What its log tells of this kind so far, in order, without the times."""
-        return [" ".join(words[2:]) for words in self._log.lines(word)]
+        lines = [line.split(maxsplit=2) for line in self._log.lines(word)]
+        return [line[2] if len(line) > 2 else "" for line in lines]
 
     def torques(self):
         return [tuple(map(float, told.split())) for told in self.said("torque")]
 
     def torque(self):
-        """The last of them, () before the first."""
+        """The last of the torques, with what stands before it; () before the first."""
         told = self._log.lines("torque")
-        return tuple(map(float, told[-1][2:])) if told else ()
+        return tuple(map(float, told[-1].split()[2:])) if told else ()

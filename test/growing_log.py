@@ -5,17 +5,17 @@ from collections import defaultdict
 
 
 class GrowingLog:
-    """The whole lines so far, as lists of words, apart by what `kind` gives for their words."""
+    """The whole lines so far, by kind; kind_of(words) tells a line's."""
 
-    def __init__(self, path, kind):
-        self._path, self._kind, self._read, self._lines = path, kind, 0, defaultdict(list)
+    def __init__(self, path, kind_of):
+        self._path, self._kind_of, self._at, self._lines = path, kind_of, 0, defaultdict(list)
 
     def lines(self, kind):
         """Those of this kind, the oldest first; the list grows with the next look."""
         with open(self._path, "rb") as file:
-            file.seek(self._read)
+            file.seek(self._at)
             whole, end, _ = file.read().rpartition(b"\n")
-        self._read += len(whole + end)
-        for words in map(str.split, whole.decode().splitlines()):
-            self._lines[self._kind(words)].append(words)
+        self._at += len(whole + end)
+        for line in whole.decode().splitlines():
+            self._lines[self._kind_of(line.split())].append(line)
         return self._lines[kind]

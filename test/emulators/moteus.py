@@ -5,8 +5,8 @@ A drive turns its motor by what the last position command said, and falls into m
 command's time limit; it leaves that, and a fault, only by a stop. Of the position mode there is the torque fed forward:
 gains other than 0 are no part of it.
 
-The log has `line LINE` as it came, `torque ID N·m` at each change of what the motor does, and `mode ID MODE`. A drive
-takes orders of its own on standard input: `ID fault CODE`, `ID temperature DEGREES`, `ID turn REVOLUTIONS`.
+The log has `line LINE` as it came, `torque ID N·m` at each command and where the drive gives up, and `mode ID MODE`.
+A drive takes orders of its own on standard input: `ID fault CODE`, `ID temperature DEGREES`, `ID turn REVOLUTIONS`.
 """
 
 import math

@@ -32,7 +32,7 @@ DRIVER = {"servo__rate": 500.0, "publish__rate": 100.0, "engage__time": 0.05, "f
 HAND = {"motion.name": "follow", "motion.start": (0.02, 0.0, 0.0)}
 FREE, PRESSED, PUSH = 0.02, -0.005, 2.0  # [m] off the wall and in it; [N] that show it
 WARN, ERROR = 1, 2
-COMMAND, CHANGE = 1, 4  # words of a line of the device's log
+COMMAND, CHANGE = 1, 4  # how many words such a line of the device's log has
 
 
 class Program:
@@ -107,15 +107,16 @@ class Rig:
 
     def motor(self):
         """(time [ns], force on x [N]) of each change that the device has logged."""
-        return [(int(words[0]), float(words[1])) for words in self._log.lines(CHANGE)]
+        changes = [line.split() for line in self._log.lines(CHANGE)]
+        return [(int(time), float(force)) for time, force, *_ in changes]
 
     def commands(self):
         """When each command began to act [ns], as the device has logged it: the line may lose what it is told."""
-        return [int(words[0]) for words in self._log.lines(COMMAND)]
+        return list(map(int, self._log.lines(COMMAND)))
 
     def pushes(self):
         changes = self._log.lines(CHANGE)
-        return bool(changes) and float(changes[-1][1]) > PUSH
+        return bool(changes) and float(changes[-1].split()[1]) > PUSH
 
     def falls(self, *names):
         """Waits until the driver is in one of these faults."""

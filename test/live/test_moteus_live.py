@@ -59,7 +59,7 @@ def pressing(knob, own):
 
 
 def test_whoever_ends_the_motor_is_switched_off_by_the_bridge_and_stays_so(knob, own):
-    bridge = own.start("haptic_bridge", device=str(knob.device), motor_watchdog=0.5)
+    bridge = own.start("haptic_bridge", device=str(knob.device), motor_watchdog=0.3)
     for number in (signal.SIGKILL, signal.SIGTERM, signal.SIGINT):
         driver = pressing(knob, own)
         driver.send_signal(number)
