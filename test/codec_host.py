@@ -213,3 +213,11 @@ class Emulator:
         """The last of the torques, with what stands before it; () before the first."""
         told = self._log.lines("torque")
         return tuple(map(float, told[-1].split()[2:])) if told else ()
+
+
+def patient_knob(knob, file):
+    """Writes the description of this emulated moteus knob for a busy machine: no delay is too long for its damping."""
+    content = yaml_reader.load(DEVICES / "moteus_knob.yaml")
+    content["link"] |= {"port": knob.port, "watchdog": 1.0}
+    content["axes"][0]["damping"] = 500.0
+    file.write_text(yaml_reader.dump(content))

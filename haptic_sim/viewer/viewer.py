@@ -248,9 +248,9 @@ class Viewer:
             )
         for note in self.server.notes:
             say(f"haptic_viewer: {note}")
-        print(f"haptic_viewer: open {self.server.address(True)}", flush=True)
-        print(f"haptic_viewer: view-only: {self.server.address(False)}", flush=True)
-        print(f"haptic_viewer: e-stop: {here}Esc on any page", flush=True)
+        ways = f"open {self.server.address(True)}", f"view-only: {self.server.address(False)}"
+        for one in (*ways, f"e-stop: {here}Esc on any page"):
+            print(f"haptic_viewer: {one}\n", end="", flush=True)  # no log comes between an address and its newline
 
 
 def serve(args: list[str] | None, told, nodes=None, stop=None) -> None:

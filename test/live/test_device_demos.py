@@ -7,12 +7,11 @@ import math
 import subprocess
 import time
 
-from codec_host import DEVICES, Emulator
+from codec_host import Emulator, patient_knob
 from in_process import haptic
 from live_demo import BUSY, demos
 from waiting import until
 
-from haptic_device import yaml_reader
 from haptic_device.description import load_device
 from haptic_device.parameters import DRIVER, LOOPBACK
 from haptic_device.process import ending_with_us
@@ -20,18 +19,17 @@ from haptic_sim.supervision import conformance, reference_device
 
 BUDGET = next(parameter.default for parameter in DRIVER if parameter.name == "passivity.budget")  # [J]
 LEVER = 0.05 * 2.0 * math.pi  # [m] that the end of the knob's lever goes in a revolution
-NUDGE, STEP, DEEP = 0.2e-3, 0.3e-3, -0.05  # [m] to see whether forces act; of the hand; 30 mm into the wall
+NUDGE, STEP, DEEP = 0.2e-3, 0.3e-3, -0.021  # [m] to see whether forces act; of the hand; 1 mm into the wall
 EACH = 0.004  # [s] between its steps
-SOFT = """
+PATIENT = """
 /**/haptic_driver:
   ros__parameters:
     auto_enable: true
-    coupling: {stiffness: 10.0, damping: 0.1}
     fault: {silence: 1.0, unattended: 0.0}
 /**/haptic_bridge:
   ros__parameters:
     motor_watchdog: 0.5
-"""  # passive, and no fault, where a busy machine is late
+"""  # no fault where a busy machine is late
 
 
 @contextlib.contextmanager
@@ -72,11 +70,9 @@ class Hand:
 
 def test_a_knob_presses_the_wall_of_a_demo_and_the_drives_last_word_is_no_torque(start, tmp_path):
     knob = Emulator(start, "moteus", tmp_path / "log", 1)
-    content = yaml_reader.load(DEVICES / "moteus_knob.yaml")
-    content["link"] |= {"port": knob.port, "watchdog": 1.0}
-    (tmp_path / "knob.yaml").write_text(yaml_reader.dump(content))
-    (tmp_path / "soft.yaml").write_text(SOFT)
-    given = ("--device", str(tmp_path / "knob.yaml"), "--params", str(tmp_path / "soft.yaml"), "--rate", "1000")
+    patient_knob(knob, tmp_path / "knob.yaml")
+    (tmp_path / "patient.yaml").write_text(PATIENT)
+    given = ("--device", str(tmp_path / "knob.yaml"), "--params", str(tmp_path / "patient.yaml"), "--rate", "1000")
     hand = Hand(knob)
     with demos(tmp_path) as demo:
         run = demo(*given, "--seconds", "3", "--json", scene="wall")

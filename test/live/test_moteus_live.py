@@ -7,14 +7,12 @@ The drive's own watchdog is made long here: what switches the motor off is the b
 import signal
 
 import pytest
-from codec_host import DEVICES, Emulator
+from codec_host import Emulator, patient_knob
 from live_nodes import HOLDING, Nodes
 from waiting import exit_code, until
 
-from haptic_device import yaml_reader
-
 WEAK = {"wall__normals": [1.0, 0.0], "wall__offsets": [0.11], "wall__stiffness": [5.0], "wall__damping": [0.0]}
-SOFT = {"coupling__stiffness": 5.0, "coupling__damping": 0.1, **HOLDING}  # passive also where a busy machine is late
+SOFT = {"coupling__stiffness": 100.0, "coupling__damping": 0.1, **HOLDING}
 DRIVER = {"servo__rate": 1000.0, "engage__time": 0.05, "fault__silence": 1.0, "auto_enable": True, **WEAK, **SOFT}
 """The knob stands 80 mm within the wall when it is enabled, and is pushed out with 0.4 N in a second or so."""
 PUSH = 0.002  # [N m] that shows a force
@@ -25,10 +23,8 @@ def knob(start, tmp_path):
     """The emulated drive; `knob.device`: its description."""
     knob = Emulator(start, "moteus", tmp_path / "log", 1)
     knob.log = tmp_path / "log"
-    content = yaml_reader.load(DEVICES / "moteus_knob.yaml")
-    content["link"] |= {"port": knob.port, "watchdog": 1.0}
     knob.device = tmp_path / "knob.yaml"
-    knob.device.write_text(yaml_reader.dump(content))
+    patient_knob(knob, knob.device)
     return knob
 
 
@@ -54,7 +50,12 @@ def own(ros_domain, nodes, tmp_path):
 def pressing(knob, own):
     """A driver whose wall pushes the knob."""
     driver = own.start("haptic_driver", device=str(knob.device), **DRIVER)
-    until(lambda: torque(knob) > PUSH, "the wall pushes", said=driver.log.read_text)
+
+    def pushes():
+        assert driver.poll() is None, driver.log.read_text()
+        return torque(knob) > PUSH
+
+    until(pushes, "the wall pushes", said=driver.log.read_text)
     return driver
 
 
