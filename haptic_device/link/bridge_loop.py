@@ -4,6 +4,8 @@
 As the simulated device does, it takes the servo's write, has the motor value sent at once, and writes the sample of the
 announced deadline when that has come. A servo that is silent for the watchdog's time is cut off: its motor value is
 taken back. Where the line is lost the page gets no more samples, and the loop waits for another descriptor.
+
+`serve` asks the clock and waits; what it does at a time is `turn`, and `last_word` at its end, which take that time.
 """
 
 import functools
@@ -25,19 +27,19 @@ SPIN = 20_000  # [ns] that the servo's write is looked for without a pause: to s
 PAUSE = 15_000  # [ns] between looks for it after that; a shorter one is none, and keeps the core from kernel threads
 LAST_WORDS, LAST_STEP = 5, 2_000_000  # CUT events at an end, and the time between them [ns]
 QUIET = 50_000_000  # [ns] without samples after a new session, whose counts may be others: to the servo a silence
-DATAGRAMS = 64  # read at most between two looks at the servo
 
 MEMORY = np.dtype(
     [(name, "i8") for name in ("turn", "driven", "holding", "heartbeat", "announced", "period", "asked", "latest")]
-    + [(name, "i8") for name in ("descriptor", "have", "idle", "target_turn", "session", "quiet")]
+    + [(name, "i8") for name in ("descriptor", "have", "idle", "target_turn", "session", "quiet", "spin")]
 )
 """What the loop keeps. announced: the deadline that counts now, asked: the next one that a device which only answers is
-asked for [ns]; have: bytes of incoming that are not done with."""
+asked for, spin: up to when nothing is waited for [ns]; have: bytes of incoming that are not done with."""
 
 
 class Buffers(NamedTuple):
     """Arrays of the loop. taken: the last write that counts, with zero motor values where it was taken back."""
 
+    inbox: np.ndarray
     taken: np.ndarray
     answer: np.ndarray
     block: np.ndarray
@@ -58,37 +60,20 @@ def serve(encode, decode, state, words, control, truth_mail, target_mail, sessio
     Counts into control: RUN_ON (deadlines without a write), TRIPS (of the watchdog, a servo that ended well not
     counted), REFUSED (writes of nonsense), UNSENT (frames that the line did not take), PASSED (samples).
     """
-    scratch, inbox, memory = np.zeros(3, np.int64), np.zeros(shared_memory.SERVO_WORDS, np.int64), np.zeros(1, MEMORY)
-    m, spin_until = memory[0], np.int64(0)
-    room = Buffers(
-        np.zeros(shared_memory.SERVO_WORDS, np.int64),
-        np.zeros(codec.ANSWER, np.int64),
-        np.zeros(shared_memory.DEVICE_WORDS, np.int64),
-        np.zeros(3, np.int64),
-        np.zeros(4096, np.uint8),
-        np.zeros(codec.ROOM, np.uint8),
-    )
-    m.turn, m.target_turn = shared_memory.read_servo(words, inbox), atomic.load(target_mail, 0)
-    m.descriptor, m.period = -1, FREE_STEP
-    m.announced = m.asked = m.idle = clock.now_ns(scratch)
+    scratch, memory, room = np.zeros(3, np.int64), np.zeros(1, MEMORY), buffers()
+    m = memory[0]
+    begin(words, target_mail, clock.now_ns(scratch), m, room)
     while atomic.load(control, STOP) == 0:
+        came = receive(control, m, room)
         now = clock.now_ns(scratch)
-        if atomic.load(control, FD) != m.descriptor:
-            m.descriptor, m.have = atomic.load(control, FD), 0
-            _tell(encode, state, codec.OPENED, now, m, room, control)
-        if _hear(decode, state, words, control, truth_mail, session, scratch, m, room):
-            spin_until = clock.now_ns(scratch) + SPIN
-        now = clock.now_ns(scratch)
-        _heed(encode, state, words, inbox, control, now, m, room)
-        _look_after(encode, state, control, target_mail, now, m, room)
-        if now >= spin_until:
-            line.wait(m.descriptor, _next_look(control, now, m), now, scratch)
-    _take_back(room)
+        turn(encode, decode, state, words, control, truth_mail, target_mail, session, came, now, m, room)
+        if came <= 0 and now >= m.spin:
+            line.wait(m.descriptor, next_look(control, now, m), now, scratch)
     for _ in range(LAST_WORDS):
+        came = receive(control, m, room)
         now = clock.now_ns(scratch)
-        _tell(encode, state, codec.CUT, now, m, room, control)
+        last_word(encode, decode, state, words, control, truth_mail, session, came, now, m, room)
         line.wait(-1, now + LAST_STEP, now, scratch)
-        _hear(decode, state, words, control, truth_mail, session, scratch, m, room)
     control[DRIVEN] = 0
 
 
@@ -100,11 +85,60 @@ def compiled():
 
 
 @njit
-def _heed(encode, state, words, inbox, control, now, m, room):
+def buffers():
+    return Buffers(
+        np.zeros(shared_memory.SERVO_WORDS, np.int64),
+        np.zeros(shared_memory.SERVO_WORDS, np.int64),
+        np.zeros(codec.ANSWER, np.int64),
+        np.zeros(shared_memory.DEVICE_WORDS, np.int64),
+        np.zeros(3, np.int64),
+        np.zeros(4096, np.uint8),
+        np.zeros(codec.ROOM, np.uint8),
+    )
+
+
+@njit
+def begin(words, target_mail, now, m, room):
+    """The memory of a loop that begins now [ns]: what has been written before is not taken."""
+    m.turn, m.target_turn = shared_memory.read_servo(words, room.inbox), atomic.load(target_mail, 0)
+    m.descriptor, m.period = -1, FREE_STEP
+    m.announced = m.asked = m.idle = now
+
+
+@njit
+def receive(control, m, room):
+    """Reads what has come, one datagram at most; returns the number of bytes, or line.LOST."""
+    if m.descriptor < 0:
+        return 0
+    return line.receive(m.descriptor, room.incoming, m.have, control[DATAGRAM] != 0)
+
+
+@njit
+def turn(encode, decode, state, words, control, truth_mail, target_mail, session, came, now, m, room):
+    """What is to be done now [ns]: for the device, of which `came` new bytes are in room.incoming, and for the servo."""
+    if atomic.load(control, FD) != m.descriptor:
+        m.descriptor, m.have, came = atomic.load(control, FD), 0, 0
+        _tell(encode, state, codec.OPENED, now, m, room, control)
+    if _hear(decode, state, words, control, truth_mail, session, came, now, m, room):
+        m.spin = now + SPIN
+    _heed(encode, state, words, control, now, m, room)
+    _look_after(encode, state, control, target_mail, now, m, room)
+
+
+@njit
+def last_word(encode, decode, state, words, control, truth_mail, session, came, now, m, room):
+    """Says once more that the motor is zero, at an end."""
+    _hear(decode, state, words, control, truth_mail, session, came, now, m, room)
+    _take_back(room)
+    _tell(encode, state, codec.CUT, now, m, room, control)
+
+
+@njit
+def _heed(encode, state, words, control, now, m, room):
     """The servo: takes its write, or sees that it is late or silent."""
-    turn = shared_memory.read_servo(words, inbox)
-    if turn >= 0 and turn != m.turn:
-        m.turn = turn
+    written, inbox = shared_memory.read_servo(words, room.inbox), room.inbox
+    if written >= 0 and written != m.turn:
+        m.turn = written
         if not servo_writes.sensible(inbox, now, control[WATCHDOG]):
             control[REFUSED] += 1
             return
@@ -149,35 +183,30 @@ def _look_after(encode, state, control, target_mail, now, m, room):
 
 
 @njit
-def _hear(decode, state, words, control, truth_mail, session, scratch, m, room):
+def _hear(decode, state, words, control, truth_mail, session, came, now, m, room):
     """The device: takes what has come. Returns whether there was the sample that the servo waits for."""
-    waited_for = False
-    for _ in range(DATAGRAMS):
-        came = line.receive(m.descriptor, room.incoming, m.have, control[DATAGRAM] != 0) if m.descriptor >= 0 else 0
-        if came == line.LOST:
-            m.descriptor, state[codec.READY] = -1, 0
-            atomic.store(control, FD, -1)
-        if came <= 0:
+    if came == line.LOST:
+        m.descriptor, state[codec.READY] = -1, 0
+        atomic.store(control, FD, -1)
+    if came <= 0:
+        return False
+    waited_for, used, have = False, np.int64(0), m.have + came
+    while used < have:
+        room.answer[codec.KIND] = codec.NOTHING
+        done = decode(state, room.incoming[used:have], have - used, now, room.answer)
+        if room.answer[codec.KIND] == codec.SAMPLE:
+            waited_for |= _pass_on(state, words, control, session, now, m, room)
+        elif room.answer[codec.KIND] == codec.TRUTH:
+            first = codec.TRUTH_FIRST
+            atomic.publish(truth_mail, 0, seqlock.FIRST, room.answer[first : first + codec.TRUTH_WORDS])
+        if done <= 0:
             break
-        used, have, now = np.int64(0), m.have + came, clock.now_ns(scratch)
-        while used < have:
-            room.answer[codec.KIND] = codec.NOTHING
-            done = decode(state, room.incoming[used:have], have - used, now, room.answer)
-            if room.answer[codec.KIND] == codec.SAMPLE:
-                waited_for |= _pass_on(state, words, control, session, now, m, room)
-            elif room.answer[codec.KIND] == codec.TRUTH:
-                first = codec.TRUTH_FIRST
-                atomic.publish(truth_mail, 0, seqlock.FIRST, room.answer[first : first + codec.TRUTH_WORDS])
-            if done <= 0:
-                break
-            used += done
-        if control[DATAGRAM] or have - used >= room.incoming.size:  # what is left of it is no frame
-            used = have
-        for i in range(have - used):
-            room.incoming[i] = room.incoming[used + i]
-        m.have = have - used
-        if not control[DATAGRAM]:
-            break
+        used += done
+    if control[DATAGRAM] or have - used >= room.incoming.size:  # what is left of it is no frame
+        used = have
+    for i in range(have - used):
+        room.incoming[i] = room.incoming[used + i]
+    m.have = have - used
     return waited_for
 
 
@@ -201,7 +230,7 @@ def _pass_on(state, words, control, session, now, m, room):
 
 
 @njit
-def _next_look(control, now, m):
+def next_look(control, now, m):
     """When the servo or the device has to be looked after next [ns]; what the device sends is heard at once.
 
     The servo writes when it has the sample of its deadline, or has waited for half a period.
