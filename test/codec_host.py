@@ -1,27 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The host's side of a codec, as the bridge calls it: in made-up time, or on a port with an emulator behind it."""
+"""The host's side of a codec, as the bridge calls it, in made-up time; with an emulator behind it too."""
 
-import os
-import select
+import importlib.util
 import subprocess
 import sys
-import time
-import tty
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import waiting
-from growing_log import GrowingLog
 
 from haptic_device import description, yaml_reader
-from haptic_device.link import codec, request_timing
+from haptic_device.link import codec
 from haptic_device.link.codec import COMMAND, CUT, DUE, IDLE, OPENED
 
 DEVICES = Path(__file__).parents[1] / "config/devices"
 EMULATORS = Path(__file__).parent / "emulators"
 MS = 1_000_000  # [ns]
-PATIENCE = 0.1  # [s] for an answer: a codec looks at the time only when it is called
+WAY = MS // 10  # [ns] from a request to its answer
 
 
 class Sample(NamedTuple):
@@ -124,66 +119,55 @@ def hear_alike(whole, split, stream, cuts):
     assert (split.state == whole.state).all()
 
 
-class PortHost(Host):
-    """The same in this machine's time, on a port."""
+def emulated(name):
+    """The module of an emulator in test/emulators; a link of the product has the same name."""
+    sys.path.insert(0, str(EMULATORS))
+    try:
+        found = importlib.util.spec_from_file_location(f"emulated_{name}", EMULATORS / f"{name}.py")
+        module = importlib.util.module_from_spec(found)
+        found.loader.exec_module(module)
+    finally:
+        sys.path.pop(0)
+    return module
 
-    def __init__(self, made, port):
-        super().__init__(made, time.monotonic_ns())
-        self._file = os.open(port, os.O_RDWR | os.O_NOCTTY)
-        tty.setraw(self._file)
 
-    def close(self):
-        os.close(self._file)
+class Log(list):
+    """What an emulator tells: lines of a time, a word and what it tells."""
+
+    def __call__(self, now, word, *what):
+        self.append((str(now), word, " ".join(map(str, what))))
+
+    def said(self, word):
+        """What was told of this kind so far, in order, without the times."""
+        return [what for _, kind, what in self if kind == word]
+
+    def torques(self):
+        return [tuple(map(float, told.split())) for told in self.said("torque")]
+
+
+class Wired(Host):
+    """The same, wired to an emulator; `samples` are those that it was told so far."""
+
+    def __init__(self, made, emulator):
+        super().__init__(made)
+        self.emulator, self.samples = emulator, []
 
     def tell(self, event, after=0):
-        self.now = time.monotonic_ns()
-        sent = super().tell(event)
-        assert os.write(self._file, sent) == len(sent)
+        sent = super().tell(event, after)
+        self.samples += self.hear(self.emulator.serve(sent, self.now), after=WAY)
         return sent
-
-    def listen(self, seconds=0.005):
-        """Samples of what comes within this time, at the first bytes."""
-        if not select.select([self._file], [], [], seconds)[0]:
-            return []
-        data = os.read(self._file, 4096)
-        self.now = time.monotonic_ns()
-        return self.hear(data)
 
     def become_ready(self):
         self.open()
-        waiting.until(lambda: self.state[codec.READY], "the device's answer", self.look)
-
-    def send(self, data):
-        """Bytes that are not the codec's."""
-        os.write(self._file, data)
-
-    def look(self):
-        """What happens without a servo."""
-        self.listen(PATIENCE if self.idle() else 0.005)
+        for _ in range(5):
+            self.idle(after=20 * MS)
+        assert self.state[codec.READY]
 
     def sample(self, *motor, engaged=1):
         """One turn of a servo: these motor values written, and the sample of the deadline that they announce."""
-        return waiting.until(lambda: self._turn(motor, engaged), "a sample", lambda: None)
-
-    def _turn(self, motor, engaged):
-        self.now = time.monotonic_ns()
-        if not self.write(*motor, ahead=0, engaged=engaged):
-            self.listen()  # it still waits for an answer
-            return None
-        self.exchange()
-        if not self.due():
-            return None
-        return next((sample for sample in self.exchange() if sample.deadline), None)
-
-    def exchange(self):
-        """Samples until what was asked for is answered, or has not come in time."""
-        before, began, samples = self._exchanges(), time.monotonic(), []
-        while self._exchanges() == before and time.monotonic() - began < PATIENCE:
-            samples += self.listen(0.001)
-        return samples
-
-    def _exchanges(self):
-        return self.state[request_timing.ROUND_TRIPS]
+        self.write(*motor, after=MS, engaged=engaged)
+        self.due(after=MS)
+        return self.samples[-1]
 
 
 class Emulator:
@@ -191,8 +175,7 @@ class Emulator:
 
     def __init__(self, start, name, log, *words):
         command = [sys.executable, str(EMULATORS / f"{name}.py"), str(log), *map(str, words)]
-        self.process = start(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        self._log = GrowingLog(log, lambda line: line[1])
+        self.process, self._log = start(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE), log
         self.port = self.process.stdout.readline().strip()
 
     def order(self, words):
@@ -201,23 +184,7 @@ class Emulator:
         self.process.stdin.flush()
         assert self.process.stdout.readline() == "done\n"
 
-    def said(self, word):
-        """What its log tells of this kind so far, in order, without the times."""
-        lines = [line.split(maxsplit=2) for line in self._log.lines(word)]
-        return [line[2] if len(line) > 2 else "" for line in lines]
-
-    def torques(self):
-        return [tuple(map(float, told.split())) for told in self.said("torque")]
-
-    def torque(self):
-        """The last of the torques, with what stands before it; () before the first."""
-        told = self._log.lines("torque")
-        return tuple(map(float, told[-1].split()[2:])) if told else ()
-
-
-def patient_knob(knob, file):
-    """Writes the description of this emulated moteus knob for a busy machine: no delay is too long for its damping."""
-    content = yaml_reader.load(DEVICES / "moteus_knob.yaml")
-    content["link"] |= {"port": knob.port, "watchdog": 1.0}
-    content["axes"][0]["damping"] = 500.0
-    file.write_text(yaml_reader.dump(content))
+    def log(self):
+        """What its log tells so far."""
+        lines = [line.split(maxsplit=2) for line in self._log.read_text().splitlines()]
+        return Log((line[0], line[1], line[2] if len(line) > 2 else "") for line in lines)

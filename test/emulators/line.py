@@ -1,52 +1,39 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the emulators share: a serial line that is a pty, a plant, a log. They know nothing of the code under test.
+"""What the emulators share: joints with a hand on them, a log, and a process around them. They know nothing of the code
+under test, and no clock: what they do, they do at a time that they are given [ns].
 
-An emulator is a program of its own. It prints the path of its port, and writes a log that a test judges by: lines of
-a time [ns of CLOCK_MONOTONIC], a word, and what it tells.
+An emulator has `serve(data, now)`, which takes bytes that come now and returns its answer; and `due`, when it wants to
+be served without any [ns]. As a process it has a pty, whose path it prints, and writes a log: lines of a time [ns of
+CLOCK_MONOTONIC], a word, and what it tells.
 """
 
 import contextlib
+import math
 import os
 import select
 import time
 import tty
 
-STEP = 0.0002  # [s] longest step of a plant
+STEP = 20_000  # [ns] longest step of a plant, over which the hand's torque is held
 
 
-def run(*steps):
-    """Takes these steps in turn until the process is interrupted."""
+def run(emulator, orders=lambda: None):
+    """Serves a pty until the process is interrupted; the port stays there when its user has gone, as USB's does."""
+    master, port = os.openpty()
+    tty.setraw(port)
+    os.set_blocking(master, False)
+    print(os.ttyname(port), flush=True)
     with contextlib.suppress(KeyboardInterrupt):
         while True:
-            for step in steps:
-                step()
+            came = select.select([master], [], [], 0.001)[0]
+            os.write(master, emulator.serve(os.read(master, 4096) if came else b"", time.monotonic_ns()))
+            orders()
 
 
-class Line:
-    """The device's end of a serial line; the port stays there when its user has gone, as a USB device's does."""
-
-    def __init__(self):
-        self._master, self._port = os.openpty()
-        tty.setraw(self._port)
-        os.set_blocking(self._master, False)
-        self.path = os.ttyname(self._port)
-
-    def read(self, seconds):
-        """Bytes that have come, after waiting no longer than this; b"" if there are none."""
-        if not select.select([self._master], [], [], seconds)[0]:
-            return b""
-        return os.read(self._master, 4096)
-
-    def write(self, data):
-        os.write(self._master, data)
-
-
-class Log:
-    def __init__(self, path):
-        self._file = open(path, "w", buffering=1)  # noqa: SIM115
-
-    def tell(self, word, *what):
-        print(time.monotonic_ns(), word, *what, file=self._file)
+def log_to(path):
+    """tell(now, word, *what) writes a line."""
+    file = open(path, "w", buffering=1)  # noqa: SIM115
+    return lambda *line: print(*line, file=file)
 
 
 class Orders:
@@ -55,7 +42,7 @@ class Orders:
     def __init__(self, obey):
         self._obey, self._text, self._open = obey, b"", True
 
-    def serve(self):
+    def __call__(self):
         if not self._open or not select.select([0], [], [], 0)[0]:
             return
         read = os.read(0, 4096)
@@ -67,17 +54,35 @@ class Orders:
 
 
 class Joint:
-    """Inertia [kg m²] with damping [N m s/rad], turned by `torque` [N m] since the plant was last looked at."""
+    """Inertia [kg m²] with damping [N m s/rad], under `torque` [N m] of the motor and of a hand that pulls to `goal`
+    [rad] by a spring [N m/rad] and a damper [N m s/rad] between hand and joint.
+
+    given: work [J] that the hand was given. Over a step both torques are constant, and the way is exact.
+    """
 
     def __init__(self, inertia, damping, angle=0.0):
-        self.inertia, self.damping, self.angle = inertia, damping, angle
-        self.velocity = self.torque = 0.0
-        self._now = time.monotonic()
+        self.inertia, self.damping, self.angle, self.goal = inertia, damping, angle, angle
+        self.velocity = self.torque = self.spring = self.damper = self.given = 0.0
+        self._now = None
 
-    def catch_up(self):
-        passed = time.monotonic() - self._now
-        self._now += passed
-        steps = min(int(passed / STEP) + 1, 5000)
-        for _ in range(steps):
-            self.velocity += (self.torque - self.damping * self.velocity) / self.inertia * passed / steps
-            self.angle += self.velocity * passed / steps
+    def pass_time(self, now):
+        self._now = self._now or now
+        left = now - self._now
+        while left > 0:
+            step = min(left, STEP)
+            self._step(step * 1e-9)
+            left -= step
+        self._now = max(self._now, now)
+
+    def lead(self, goal):
+        """A firm hand leads it there, in a second that is past at once: it stands still until then."""
+        self.goal, self.spring, self.damper = goal, 1.0, 0.02
+        self.pass_time((self._now or 0) + 1_000_000_000)
+
+    def _step(self, time):
+        hand = self.spring * (self.goal - self.angle) - self.damper * self.velocity
+        lag, final = self.inertia / self.damping, (self.torque + hand) / self.damping
+        kept = math.exp(-time / lag)
+        way = final * time + (self.velocity - final) * lag * (1.0 - kept)
+        self.angle, self.velocity = self.angle + way, final + (self.velocity - final) * kept
+        self.given -= hand * way

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""moteus drives on an fdcanusb: `python moteus.py LOG ID…`, one drive for each number.
+"""moteus drives on an fdcanusb: `python moteus.py LOG ID=REVOLUTIONS…`, one drive for each number, and where it stands.
 
 A drive turns its motor by what the last position command said, and falls into mode 11 where none has come for the
 command's time limit; it leaves that, and a fault, only by a stop. Of the position mode there is the torque fed forward:
 gains other than 0 are no part of it.
 
 The log has `line LINE` as it came, `torque ID N·m` at each command and where the drive gives up, and `mode ID MODE`.
-A drive takes orders of its own on standard input: `ID fault CODE`, `ID temperature DEGREES`, `ID turn REVOLUTIONS`.
+A drive takes orders of its own on standard input: `ID fault CODE`, `ID temperature DEGREES`. Inertia and damping are
+those of the description moteus_knob.
 """
 
 import math
@@ -14,7 +15,7 @@ import struct
 import sys
 import time
 
-from line import Joint, Line, Log, Orders, run
+from line import Joint, Orders, log_to, run
 
 STOPPED, FAULT, POSITION, TIMEOUT = 0, 1, 10, 11
 MODE, PLACE, SPEED, TORQUE, VOLTAGE, TEMPERATURE, FAULT_CODE = 0x00, 0x01, 0x02, 0x03, 0x0D, 0x0E, 0x0F
@@ -30,27 +31,28 @@ SCALES = {  # of int8, int16, int32
 PACKED = "bhif"
 LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)  # of CAN FD frames
 USUAL_LIMIT = 0.1  # [s]
+LEVER = 0.05  # [m]
 
 
 class Drive:
-    def __init__(self, name, log):
-        self._name, self._log = name, log
-        self.motor = Joint(2.5e-4, 0.0125)
+    def __init__(self, name, tell, revolutions=0.0):
+        self._name, self._tell = name, tell
+        self.motor = Joint(0.1 * LEVER**2, 5.0 * LEVER**2, math.tau * revolutions)
         self._mode, self.fault, self.temperature = STOPPED, 0, 25.0
-        self._until = math.inf
+        self.until = math.inf  # [ns]; then it gives up
 
-    def pass_time(self):
-        if time.monotonic() > self._until and self._mode == POSITION:
-            self._go(TIMEOUT)
-        self.motor.catch_up()
+    def pass_time(self, now):
+        if self.until <= now:
+            self._go(self.until, TIMEOUT)
+        self.motor.pass_time(now)
 
-    def break_down(self, fault):
+    def break_down(self, now, fault):
         self.fault = fault
-        self._go(FAULT)
+        self._go(now, FAULT)
 
-    def take(self, data):
+    def take(self, data, now):
         """The multiplexed frame's answer, b"" if it asks for nothing."""
-        self.pass_time()
+        self.pass_time(now)
         written, asked, rest = {}, [], data
         while rest:
             kind, rest = rest[0], rest[1:]
@@ -71,28 +73,28 @@ class Drive:
                 else:
                     raise ValueError(f"subframe {kind:02x}")
         if MODE in written:
-            self._obey(written)
-        return b"".join(self._tell(register, how) for register, how in asked)
+            self._obey(written, now)
+        return b"".join(self._told(register, how) for register, how in asked)
 
-    def _obey(self, written):
+    def _obey(self, written, now):
         if written[MODE] == STOPPED:
             self.fault = 0
-            self._go(STOPPED)
+            self._go(now, STOPPED)
         elif written[MODE] == POSITION and self._mode in (STOPPED, POSITION):
             said = {**UNSAID, **written}
             most = math.inf if math.isnan(said[MOST_TORQUE]) else said[MOST_TORQUE]
             limit = said[TIME_LIMIT] or USUAL_LIMIT
-            self._until = math.inf if math.isnan(limit) else time.monotonic() + limit
-            self._go(POSITION, max(-most, min(most, said[FEED_FORWARD])))
+            self._go(now, POSITION, max(-most, min(most, said[FEED_FORWARD])))
+            self.until = math.inf if math.isnan(limit) else now + round(limit * 1e9)
 
-    def _go(self, mode, torque=0.0):
-        self.motor.catch_up()
+    def _go(self, now, mode, torque=0.0):
+        self.motor.pass_time(now)
         if mode != self._mode:
-            self._log.tell("mode", self._name, mode)
-        self._log.tell("torque", self._name, torque)
-        self._mode, self.motor.torque = mode, torque
+            self._tell(now, "mode", self._name, mode)
+        self._tell(now, "torque", self._name, torque)
+        self._mode, self.motor.torque, self.until = mode, torque, math.inf
 
-    def _tell(self, register, how):
+    def _told(self, register, how):
         value = {
             MODE: self._mode,
             PLACE: self.motor.angle / math.tau,
@@ -110,53 +112,46 @@ class Drive:
 class Bus:
     """The adapter: lines of text on one side, the drives on the other."""
 
-    def __init__(self, line, log, drives):
-        self._line, self._log, self._drives = line, log, drives
-        self._text = b""
+    def __init__(self, tell, drives):
+        self._tell, self.drives, self._text = tell, drives, b""
 
-    def serve(self):
-        self._text += self._line.read(0.001)
-        for drive in self._drives.values():
-            drive.pass_time()
-        *lines, self._text = self._text.replace(b"\r", b"\n").split(b"\n")
-        for line in lines:
-            if line:
-                self._log.tell("line", line.decode())
-                self._take(line)
+    @property
+    def due(self):
+        return min(drive.until for drive in self.drives.values())
 
-    def _take(self, line):
+    def serve(self, data, now):
+        for drive in self.drives.values():
+            drive.pass_time(now)
+        *lines, self._text = (self._text + data).replace(b"\r", b"\n").split(b"\n")
+        answers = []
+        for line in filter(None, lines):
+            self._tell(now, "line", line.decode())
+            answers += self._take(line, now)
+        return b"".join(answer.encode() + b"\r\n" for answer in answers)
+
+    def _take(self, line, now):
         words = line.split()
         if words[:2] != [b"can", b"send"] or len(words) < 4:
-            return self._say("ERR unknown command")
+            return ["ERR unknown command"]
         address, data = int(words[2], 16), bytes.fromhex(words[3].decode())
         if len(data) not in LENGTHS or b"F" not in words[4]:
-            return self._say("ERR no such frame")
-        self._say("OK")
-        drive = self._drives.get(address & 0x7F)
-        if drive is None:
-            return None
-        told = drive.take(data)
-        if address & 0x8000 and told:
-            told += b"\x50" * (min(length for length in LENGTHS if length >= len(told)) - len(told))
-            back = (address & 0x7F) << 8 | address >> 8 & 0x7F
-            self._say(f"rcv {back:x} {told.hex().upper()} E B F")
-        return None
-
-    def _say(self, text):
-        self._line.write(text.encode() + b"\r\n")
+            return ["ERR no such frame"]
+        drive = self.drives.get(address & 0x7F)
+        told = drive.take(data, now) if drive else b""
+        if not (address & 0x8000 and told):
+            return ["OK"]
+        told += b"\x50" * (min(length for length in LENGTHS if length >= len(told)) - len(told))
+        return ["OK", f"rcv {(address & 0x7F) << 8 | address >> 8 & 0x7F:x} {told.hex().upper()} E B F"]
 
     def order(self, words):
-        drive = self._drives[int(words[0])]
+        drive = self.drives[int(words[0])]
         if words[1] == "fault":
-            drive.break_down(int(words[2]))
-        elif words[1] == "temperature":
-            drive.temperature = float(words[2])
+            drive.break_down(time.monotonic_ns(), int(words[2]))
         else:
-            drive.motor.angle = float(words[2]) * math.tau
+            drive.temperature = float(words[2])
 
 
 if __name__ == "__main__":
-    line, log = Line(), Log(sys.argv[1])
-    bus = Bus(line, log, {int(name): Drive(name, log) for name in sys.argv[2:]})
-    print(line.path, flush=True)
-    run(bus.serve, Orders(bus.order).serve)
+    log, placed = log_to(sys.argv[1]), [word.split("=") for word in sys.argv[2:]]
+    bus = Bus(log, {int(name): Drive(name, log, float(place)) for name, place in placed})
+    run(bus, Orders(bus.order))

@@ -7,7 +7,6 @@ import struct
 import codec_host
 import numpy as np
 import pytest
-import waiting
 from codec_host import MS, Host
 from hypothesis import given
 from hypothesis import strategies as st
@@ -377,44 +376,3 @@ def test_the_described_device_lies_at_rest_within_its_workspace_and_its_motors_s
         assert place == pytest.approx(0.07 * math.radians(angle), abs=1e-4)
         assert axis.workspace[0] < place < axis.workspace[1]
         assert axis.motor_limit / axis.motor_constant == pytest.approx(0.123, rel=1e-4)
-
-
-@pytest.fixture
-def board(start, tmp_path):
-    return codec_host.Emulator(start, "haply", tmp_path / "log")
-
-
-@pytest.fixture
-def line(board):
-    host = codec_host.PortHost(made(), board.port)
-    yield host
-    host.close()
-
-
-def test_torque_turns_the_joint_of_its_axis_and_zero_is_the_boards_last_word(board, line):
-    """The emulated board has no watchdog: it would hold for ever what it was told last."""
-    line.become_ready()
-    assert line.sample(0.0, 0.0).counts == (2277, 162, 0)
-    waiting.until(lambda: line.sample(0.05, 0.0).counts[0] > 2400, "joint 1 to turn", lambda: None)
-    assert abs(line.sample(0.0, 0.0).counts[1] - 162) <= 1
-    waiting.until(lambda: line.sample(0.0, -0.05).counts[1] < 0, "joint 2 to turn back", lambda: None)
-    line.write(0.1, 0.1)
-    line.cut()
-    waiting.until(lambda: board.torques()[-1] == (0.0, 0.0), "the motors to be off")
-    assert (np.float32(0.1), np.float32(0.1)) in board.torques()
-    assert board.said("short") == []
-
-
-def test_a_board_left_in_the_middle_of_a_frame_comes_back_with_its_angles(board, line):
-    line.become_ready()
-    waiting.until(lambda: line.sample(0.05, 0.0).counts[0] > 2400, "joint 1 to turn", lambda: None)
-    before = line.sample(0.0, 0.0).counts
-    line.send(request(0.1, 0.1)[:5])  # a frame cut short, as no host may leave it
-    line.write(0.1, 0.1)
-    waiting.until(lambda: not line.state[READY], "the loss to be noticed", line.look)
-    waiting.until(lambda: line.state[READY], "the board to answer again", line.look)
-    assert line.state[SESSIONS] == 2
-    sample = line.sample(0.1, 0.1)
-    assert sample.status == 32 and abs(sample.counts[0] - before[0]) < 200
-    assert line.sample(0.0, 0.0, engaged=0).status == 0
-    assert board.torques()[-1] == (0.0, 0.0)

@@ -12,6 +12,7 @@ import codec_host
 import moteus as makers
 import pytest
 import serial.tools.list_ports
+from codec_host import MS, Log, Wired
 
 from haptic_device.link import haply, moteus
 from haptic_device.link.codec import TEMPERATURE
@@ -51,32 +52,14 @@ for line in sys.stdin:
 
 @pytest.fixture
 def emulator(start, tmp_path):
-    """emulator(name, …) starts one more of them."""
-    started = []
-
-    def run(name, *words):
-        started.append(codec_host.Emulator(start, name, tmp_path / f"log{len(started)}", *words))
-        return started[-1]
-
-    return run
+    """emulator(name, …) starts one for the makers' client."""
+    return lambda name, *words: codec_host.Emulator(start, name, tmp_path / "log", *words)
 
 
-@pytest.fixture
-def host():
-    """host(codec, emulator) opens its port for the codec, until the test ends."""
-    opened = []
-
-    def run(codec, emulator):
-        opened.append(codec_host.PortHost(codec, emulator.port))
-        return opened[-1]
-
-    yield run
-    for one in opened:
-        one.close()
-
-
-def haply_codec(generation):
-    return haply.codec(haply.Options(port="/dev/none", generation=generation), codec_host.device(2))
+def our_haply(generation):
+    """Our codec on a board of its own, in made-up time; and what the board told."""
+    made, log = haply.codec(haply.Options(port="/dev/none", generation=generation), codec_host.device(2)), Log()
+    return Wired(made, codec_host.emulated("haply").Board(log)), log
 
 
 @pytest.fixture
@@ -98,14 +81,16 @@ def haply_client(start):
 
 
 @pytest.mark.parametrize("generation", [2, 3])
-def test_a_haply_gets_the_bytes_that_its_makers_client_sends(emulator, host, haply_client, generation):
-    theirs, ours = emulator("haply"), emulator("haply")
-    ask, line = haply_client(theirs, generation), host(haply_codec(generation), ours)
-    line.become_ready()
+def test_a_haply_gets_the_bytes_that_its_makers_client_sends(emulator, haply_client, generation):
+    board, (line, ours) = emulator("haply"), our_haply(generation)
+    ask = haply_client(board, generation)
+    line.open()
+    for event in (line.idle, line.idle):  # set up, and asked once with no torque
+        event(after=20 * MS)
     for torques in TORQUES:
         ask(torques)
         line.write(*torques)
-        line.exchange()
+    theirs = board.log()
     assert ours.said("reset") == theirs.said("reset") == ["0000"]
     assert ours.said("setup") == theirs.said("setup") and len(ours.said("setup")) == 1
     assert len(theirs.said("write")) == len(TORQUES)
@@ -114,16 +99,14 @@ def test_a_haply_gets_the_bytes_that_its_makers_client_sends(emulator, host, hap
 
 
 @pytest.mark.parametrize("generation, resolution", [(2, 10752), (3, 4880)])
-def test_a_haplys_counts_are_the_angles_that_its_makers_client_reads(
-    emulator, host, haply_client, generation, resolution
-):
-    theirs, ours = emulator("haply"), emulator("haply")
-    ask, line = haply_client(theirs, generation), host(haply_codec(generation), ours)
+def test_a_haplys_counts_are_the_angles_that_its_makers_client_reads(emulator, haply_client, generation, resolution):
+    board, (line, _) = emulator("haply"), our_haply(generation)
+    ask = haply_client(board, generation)
     line.become_ready()
     ask((0.0, 0.0))
-    for turned in ((0.0, 0.0), (-1.0, 0.25), (2.0, -2.9)):
-        for one in (theirs, ours):
-            one.order(f"turn {turned[0]} {turned[1]}")
+    for led in ((0.0, 0.0), (-1.0, 0.25), (2.0, -2.9)):
+        board.order(f"lead {led[0]} {led[1]}")
+        line.emulator.order(["lead", *led])
         angles, counts = ask((0.0, 0.0)), line.sample(0.0, 0.0).counts
         assert [counts[axis] * 360.0 / resolution for axis in range(2)] == pytest.approx(angles, abs=1e-4)
 
@@ -162,13 +145,19 @@ def position(torque, **more):
     return no_place | {"feedforward_torque": torque, "maximum_torque": 2.0, "watchdog_timeout": 0.5} | more
 
 
-def moteus_codec():
-    options = moteus.Options(port="/dev/none", ids=(1, 2), watchdog=0.5)
-    return moteus.codec(options, codec_host.device(2, motor_limit=2.0))
+def our_moteus(one=0.0, two=0.0):
+    """Our codec on drives of its own that stand there [revolutions], in made-up time; and what they told."""
+    options, emulated, log = (
+        moteus.Options(port="/dev/none", ids=(1, 2), watchdog=0.5),
+        codec_host.emulated("moteus"),
+        Log(),
+    )
+    bus = emulated.Bus(log, {1: emulated.Drive(1, log, one), 2: emulated.Drive(2, log, two)})
+    return Wired(moteus.codec(options, codec_host.device(2, motor_limit=2.0)), bus), log
 
 
-def test_moteus_drives_get_the_bytes_that_their_makers_client_sends(emulator, host, client):
-    theirs, ours = emulator("moteus", 1, 2), emulator("moteus", 1, 2)
+def test_moteus_drives_get_the_bytes_that_their_makers_client_sends(emulator, client):
+    bus, (line, ours) = emulator("moteus", "1=0", "2=0"), our_moteus()
 
     async def script(one, two):
         for drive in (one, two):
@@ -178,38 +167,37 @@ def test_moteus_drives_get_the_bytes_that_their_makers_client_sends(emulator, ho
                 await drive.set_position(**position(torque, query=True))
         for drive in (one, two):
             await drive.set_position(**position(0.0))
-        theirs.order("1 fault 33")
+        bus.order("1 fault 33")
         for drive in (one, two):
             await drive.set_position(**position(0.0, query=True))
         await one.set_stop(query=True)
         await two.set_position(**position(0.0, query=True))
 
-    client(theirs, script)
-    line = host(moteus_codec(), ours)
-    line.become_ready()
+    client(bus, script)
+    line.open()
     for torques in TORQUES:
         line.write(*torques)
-        line.exchange()
     line.cut()
-    ours.order("1 fault 33")
+    line.emulator.drives[1].break_down(line.now, 33)
     for _ in range(2):  # the second one knows of the fault
         line.write(0.0, 0.0, engaged=0)
-        line.exchange()
+    theirs = bus.log()
     assert theirs.said("line") == ours.said("line")
     assert theirs.said("mode") == ours.said("mode") == ["1 10", "2 10", "1 1", "1 0"]
     assert theirs.torques() == ours.torques()
 
 
-def test_moteus_values_are_those_that_the_makers_client_reads(emulator, host, client):
-    one = emulator("moteus", 1, 2)
-    for order in ("1 turn -12.34567", "2 turn 0.5", "1 temperature 41", "2 fault 38"):
-        one.order(order)
+def test_moteus_values_are_those_that_the_makers_client_reads(emulator, client):
+    bus, (line, _) = emulator("moteus", "1=-12.34567", "2=0.5"), our_moteus(-12.34567, 0.5)
+    for order in ("1 temperature 41", "2 fault 38"):
+        bus.order(order)
+    line.emulator.drives[1].temperature = 41.0
+    line.emulator.drives[2].break_down(line.now, 38)
 
     async def script(*drives):
         return [(await drive.query()).values for drive in drives]
 
-    values = client(one, script)
-    line = host(moteus_codec(), one)
+    values = client(bus, script)
     line.become_ready()
     sample = line.sample(0.0, 0.0)
     assert sample.counts[:2] == tuple(round(told[makers.Register.POSITION] * 100_000) for told in values)

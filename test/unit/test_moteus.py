@@ -6,7 +6,6 @@ import struct
 
 import codec_host
 import pytest
-import waiting
 from codec_host import MS, Host
 from hypothesis import given
 from hypothesis import strategies as st
@@ -372,53 +371,3 @@ def test_the_described_knob_carries_the_drivers_own_coupling_at_1_khz_with_1_ms_
     (axis,) = device.axes
     assert axis.counts_per_unit * 2 * math.pi * 0.05 == pytest.approx(100_000)
     assert passivity.coupling_damping(1000.0, 1.0, 1e-3, 1e-3) < axis.damping
-
-
-@pytest.fixture
-def drives(start, tmp_path):
-    return codec_host.Emulator(start, "moteus", tmp_path / "log", 1, 2)
-
-
-@pytest.fixture
-def port(drives, request):
-    """Of drives that cut themselves after 0.1 s, or after the parameter [s]: on a busy machine that is no silence."""
-    watchdog = getattr(request, "param", 0.1)
-    host = codec_host.PortHost(made(ids=(1, 2), motor_limit=0.2, watchdog=watchdog), drives.port)
-    yield host
-    host.close()
-
-
-def last(drives, name):
-    return [value for axis, value in drives.torques() if axis == name][-1]
-
-
-@pytest.mark.parametrize("port", [1.0], indirect=True)
-def test_torque_turns_the_motor_of_its_axis_and_zero_is_the_last_word(drives, port):
-    drives.order("2 turn 0.5")
-    port.become_ready()
-    assert port.sample(0.0, 0.0).counts == (0, 50000, 0)
-    waiting.until(lambda: port.sample(0.05, 0.0).counts[0] > 10000, "the first motor to turn", lambda: None)
-    waiting.until(lambda: port.sample(0.0, -0.05).counts[1] < 40000, "the second motor to turn back", lambda: None)
-    port.write(0.1, 0.1)
-    port.cut()
-    waiting.until(lambda: last(drives, 1) == last(drives, 2) == 0.0, "the motors to be off")
-
-
-def test_drives_cut_themselves_when_commands_stop_and_come_back_when_the_servo_is_calm(drives, port):
-    port.become_ready()
-    assert port.sample(0.1, 0.1).status == 0
-    waiting.until(lambda: drives.said("mode")[-2:] in (["1 11", "2 11"], ["2 11", "1 11"]), "the watchdogs")
-    assert last(drives, 1) == last(drives, 2) == 0.0
-    waiting.until(lambda: port.state[READY], "the drives' answers", port.look)
-    assert port.sample(0.1, 0.1).status == 2
-    waiting.until(lambda: port.sample(0.0, 0.0, engaged=0).status == 0, "the drives to be stopped", lambda: None)
-    assert port.sample(0.1, 0.1).status == 0
-    waiting.until(lambda: last(drives, 1) > 0.0, "torque again")
-
-
-def test_a_drive_that_is_too_hot_says_so(drives, port):
-    port.become_ready()
-    drives.order("2 temperature 81")
-    drives.order("2 fault 38")
-    assert port.sample(0.1, 0.1).status == 8
-    assert port.state[TEMPERATURE] == 810
