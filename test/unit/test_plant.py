@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The device as physics: its motion against closed forms, its sensors and motor, and where the energy goes."""
+"""The device as physics, in Python and in the firmware: closed forms, sensors and motor, and where the energy goes."""
 
+import ctypes
 import math
 
 import numpy as np
@@ -8,49 +9,174 @@ import pytest
 from examples import few
 from hypothesis import example, given
 from hypothesis import strategies as st
+from plants import FREE, InC, InPython
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from haptic_device.description import SUB_STEP
 from haptic_device.device import plant
 
-SECOND = 1_000_000_000
+# both libraries
 
 
-def device(axes=1, **changes):
-    """PLANT record of three equal axes without hand, friction, delays or noise."""
-    record = np.zeros(1, plant.PLANT)
-    record["axes"], record["mass"], record["position_per_count"] = axes, 0.1, 1e-6
-    record["force_per_motor"], record["force_limit"] = 1.0, 100.0
-    for name, value in changes.items():
-        record[name] = value
-    return record
+@pytest.fixture(params=[InPython, InC], ids=["python", "c"])
+def made(request):
+    """made(x=…, y=…, theta=…, sensing=…, actuation=…) makes the plant, of either library."""
+    return request.param
 
 
-def state(**changes):
-    record = np.zeros(1, plant.PLANT_MEMORY)
-    for name, value in changes.items():
-        record[name] = value
-    return record
+def test_a_constant_motor_against_damping_ends_at_its_terminal_velocity_and_gravity_pulls(made):
+    moved = made(y=(0.2, 0.5, 0.0, -1.962, 0.0, 0.0, 0.0, 0.1), theta=(0.1, 0.0, 0.0, -0.981, 0.0, 0.0, 0.0, 0.0))
+    moved.push(0.0, 1.0)
+    for t in (0.001, 0.0123456, 0.2):
+        state, lag = moved.at(t), 0.1 / 3.0
+        assert state.position[0] == pytest.approx((t - lag * (1 - math.exp(-t / lag))) / 3.0, abs=1e-13)
+        assert state.velocity[0] == pytest.approx((1 - math.exp(-t / lag)) / 3.0, abs=1e-12)
+        lag = 0.4
+        assert state.position[1] == pytest.approx(0.1 - 3.924 * (t - lag * (1 - math.exp(-t / lag))), abs=1e-13)
+        assert state.position[2] == pytest.approx(-9.81 * t**2 / 2, abs=1e-13)
+        assert state.energy == pytest.approx(0.0, abs=1e-14)
 
 
-def run(record, memory, seconds, target=lambda t: (0.0, 0.0, 0.0), grip=0.0, step=SUB_STEP):
-    """Integrates by sub-steps; yields after each."""
-    end = int(memory["time"][0]) + round(seconds * SECOND)
-    while memory["time"][0] < end:
-        following = min(end, int(memory["time"][0]) + step)
-        plant.sub_step(record[0], memory[0], following, np.array(target(following * 1e-9), float), grip)
-        yield memory[0]
+def test_a_hand_that_holds_is_a_damped_oscillator_and_bears_the_motors_force_in_the_end(made):
+    m, b, k, force = 0.2, 11.0, 500.0, 2.0
+    held = made(x=(0.1, 3.0, 0.0, 0.0, 0.1, 8.0, k, 0.02))
+    held.push(0.0, force)
+    decay = b / (2 * m)
+    ringing = math.sqrt(k / m - decay**2)
+    for t in (0.003, 0.05, 0.3):
+        swing = math.exp(-decay * t) * (math.cos(ringing * t) + decay / ringing * math.sin(ringing * t))
+        assert held.at(t).position[0] == pytest.approx(0.02 + force / k * (1 - swing), abs=1e-12)
+    assert held.at(1.0).operator[0] == pytest.approx(-force, rel=1e-9)
 
 
-def finish(*arguments, **options):
-    for _ in run(*arguments, **options):
-        continue
+def test_friction_holds_what_is_at_most_as_strong(made):
+    for push, moves in ((0.5, False), (-0.5, False), (0.5 + 1e-6, True), (-0.5 - 1e-6, True)):
+        rough = made(x=(0.1, 3.0, 0.5, 0.0, 0.1, 8.0, 500.0, 0.0))
+        rough.push(0.0, push)
+        position = rough.at(0.1).position[0]
+        assert (position != 0.0) == moves and position * push >= 0.0 and abs(position) <= 2e-6 / 500.0
 
 
-def push(record, memory, force, when=0):
-    plant.push_motor(record[0], memory[0], when, np.array([force, 0.0, 0.0]))
-    plant.take_motor(memory[0])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_friction_alone_ends_a_motion_where_its_energy_is_gone(made, sign):
+    sliding = made(x=(0.1, 0.0, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0))
+    sliding.push(0.0, 1.2 * sign)
+    speed, way = 10.0 * 0.05, 0.5 * 10.0 * 0.05**2
+    assert sliding.at(0.05).velocity[0] == pytest.approx(sign * speed, abs=1e-12)
+    sliding.push(0.05, 0.0)
+    stopped = 0.05 + speed / 2.0  # at 0.2/0.1 m/s²
+    moving, standing = sliding.at(stopped - 1e-5), sliding.at(stopped + 1e-4)
+    assert moving.velocity[0] == pytest.approx(2e-5 * sign, rel=1e-6) and standing.velocity[0] == 0.0
+    assert standing.position[0] == pytest.approx(sign * (way + 0.1 * speed**2 / (2 * 0.2)), abs=1e-12)
+    later = sliding.at(1.0)
+    assert later.position[0] == standing.position[0] and later.energy == pytest.approx(0.0, abs=1e-14)
+
+
+def test_friction_takes_the_same_from_each_half_swing(made):
+    """A spring swings about its new rest, 11.3 dead bands away, by 2 f_c/k less each time, and then sticks."""
+    m, k, friction = 0.2, 800.0, 0.16
+    band, half = friction / k, math.pi * math.sqrt(m / k)
+    swinging = made(x=(m, 0.0, friction, 0.0, 0.0, 0.0, k, 0.0))
+    swinging.push(0.0, 11.3 * friction)  # from 0 it swings about 11.3 bands
+    peaks = [swinging.at(half * (i + 1)).position[0] / band - 11.3 for i in range(7)]
+    assert peaks == pytest.approx([9.3, -7.3, 5.3, -3.3, 1.3, 0.7, 0.7], abs=1e-7)
+
+
+def test_energy_is_what_the_motor_gives_less_what_is_kept_and_lost(made):
+    """A hand throws the handle at a wall, which the motor renders late: all books, once round the bounce."""
+    m, b, friction = 0.1, 0.4, 0.02
+    thrown = made(x=(m, b, friction, 0.0, 0.1, 2.0, 120.0, 0.0))
+    thrown.script(*((when, place, 0.0, 0.0, 1.0) for when, place in ((0.0, 0.0), (0.15, 0.06), (0.6, 0.0))))
+    work = lost = 0.0
+    before, touched, last = thrown.at(0.0), False, 0.0
+    for i in range(700):
+        force = min(0.0, -900.0 * (before.position[0] - 0.03)) if i % 2 == 0 else last
+        thrown.push(i * 1e-3, force)
+        last, touched = force, touched or force < -3.0
+        for j in range(1, 21):
+            now = thrown.at(i * 1e-3 + j * 5e-5)
+            middle = 0.5 * (before.velocity[0] + now.velocity[0])
+            way = now.position[0] - before.position[0]
+            work += force * way
+            lost += friction * abs(way) + b * (middle * way if way else 0.0)
+            before = now
+    kept = 0.5 * m * before.velocity[0] ** 2
+    assert touched
+    assert before.energy == pytest.approx(work - lost - kept, abs=2e-7)
+
+
+def test_motion_and_energy_are_those_of_an_independent_integration_of_hand_and_handle(made):
+    drawn = made(x=(0.1, 2.0, 0.0, -0.3, 0.1, 8.0, 500.0, 0.0))
+    drawn.script((0.0, 0.0, 0.0, 0.0, 1.0), (0.2, 0.04, 0.0, 0.0, 1.0))
+    drawn.push(0.0, 0.8)
+
+    def rates(t, now):
+        x, v, _ = now
+        s = t / 0.2
+        target, rate = 0.04 * s**3 * (10 - 15 * s + 6 * s**2), 0.04 * 30 * s**2 * (1 - s) ** 2 / 0.2
+        spring = 500.0 * (target - x) + 8.0 * (rate - v)
+        acceleration = (0.8 - 0.3 - 2.0 * v + spring) / 0.2
+        return [v, acceleration, -(spring - 0.1 * acceleration) * v]
+
+    end = solve_ivp(rates, (0.0, 0.1), [0.0, 0.0, 0.0], method="DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
+    state = drawn.at(0.1)
+    assert [state.position[0], state.velocity[0], state.energy] == pytest.approx(end, rel=1e-6)
+    assert state.target[0] == pytest.approx(0.02) and state.target_velocity[0] == pytest.approx(0.04 * 1.875 / 0.2)
+
+
+def test_a_motor_at_zero_gives_nothing(made):
+    turned = made(x=(0.1, 3.0, 0.02, 0.0, 0.1, 8.0, 500.0, 0.0), theta=(1e-4, 4e-3, 1e-4, 0.0, 1e-4, 0.02, 1.0, 0.0))
+    places = (0.0, 0.0, 0.0), (0.1, 0.05, 1.0), (0.2, -0.05, -2.0), (0.3, 0.0, 0.0)
+    turned.script(*((when, x, 0.0, theta, 1.0) for when, x, theta in places))
+    energies = [turned.at(0.001 * i).energy for i in range(500)]
+    assert max(energies) == 0.0 and energies[-1] < -0.01
+
+
+def test_a_handle_that_was_let_go_feels_no_hand(made):
+    held = made(x=(0.1, 0.0, 0.0, 0.0, 0.1, 60.0, 9000.0, 0.0))
+    held.script((0.0, 0.0, 0.0, 0.0, 1.0), (0.2, 0.04, 0.0, 0.0, 1.0), (0.4, -0.04, 0.0, 0.0, 0.0))
+    assert held.at(0.4).velocity[0] != 0.0
+    gone = held.at(0.4001)
+    held.push(0.4001, 1.0)
+    later = held.at(0.4501)
+    assert later.operator[0] == 0.0
+    assert later.velocity[0] - gone.velocity[0] == pytest.approx(1.0 / 0.1 * 0.05, abs=1e-12)
+
+
+@pytest.mark.parametrize("sensing, actuation", [(0.0, 0.0), (1.5e-3, 2e-3), (333_333e-9, 130_001e-9), (7e-9, 25e-5)])
+def test_the_motor_acts_and_the_encoder_shows_exactly_a_delay_later(made, sensing, actuation):
+    delayed = made(x=(0.1, *FREE[1:7], 0.05), sensing=sensing, actuation=actuation)
+    assert delayed.at(0.0).sensed[0] == pytest.approx(0.05, abs=1e-12)  # as before it came
+    assert delayed.push(0.0, 1.0) == pytest.approx(actuation, abs=1e-12)
+    delayed.push(0.001, -1.0)
+
+    def way(t):
+        lag = 0.1 / 3.0
+        return 0.05 + (t - lag * -math.expm1(-t / lag)) / 3.0 if t > 0.0 else 0.05
+
+    for t in (0.001, 0.0029, 0.0051):
+        state = delayed.at(t)
+        assert state.motor[0] == (0.0 if t < actuation else 1.0 if t < 0.001 + actuation else -1.0)
+        acted, shown = t - actuation, t - actuation - sensing
+        wanted = way(acted) - 2 * (way(acted - 0.001) - 0.05), way(shown) - 2 * (way(shown - 0.001) - 0.05)
+        assert state.position[0] == pytest.approx(wanted[0], abs=1e-12)
+        assert state.sensed[0] == pytest.approx(wanted[1], abs=made.SENSED)
+
+
+def test_a_cut_of_the_firmware_waits_for_no_delay_and_forgets_what_was_pushed():
+    delayed = InC(actuation=0.002)
+    delayed.push(0.0, 1.0)
+    delayed.push(0.0021, -1.0)
+    assert delayed.at(0.0021).motor[0] == 1.0
+    delayed.port.plant_port_cut(ctypes.c_int64(2_200_000))
+    assert delayed.at(0.0022).motor[0] == 0.0 and delayed.at(0.01).motor[0] == 0.0
+
+
+# of Python alone
+
+PUSHED = st.floats(-20.0, 20.0), st.floats(-1e4, 1e4)
+MOVING = st.floats(-0.1, 0.1), st.floats(-3.0, 3.0)
 
 
 def exact(mass, damping, stiffness, force, rate, position, velocity, time):
@@ -59,10 +185,6 @@ def exact(mass, damping, stiffness, force, rate, position, velocity, time):
     matrix[0, 1], matrix[2, 3] = 1.0, 1.0
     matrix[1] = [-stiffness / mass, -damping / mass, 1.0 / mass, 0.0]
     return (expm(matrix * time) @ [position, velocity, force, rate])[:2]
-
-
-PUSHED = st.floats(-20.0, 20.0), st.floats(-1e4, 1e4)
-MOVING = st.floats(-0.1, 0.1), st.floats(-3.0, 3.0)
 
 
 @few(60)
@@ -79,256 +201,79 @@ def test_drift_is_the_matrix_exponential(mass, damped, sprung, force, rate, posi
     assert found[1] == pytest.approx(wanted[1], rel=1e-12, abs=1e-12 * speed)
 
 
-def test_a_mass_on_spring_and_damper_rings_as_its_closed_form():
-    mass, damping, stiffness = 0.3, 1.2, 500.0
-    record = device(mass=0.1, damping=0.4, hand_mass=0.2, hand_damping=0.8, hand_stiffness=stiffness)
-    memory = state(position=0.01)
-    decay, ringing = damping / (2 * mass), math.sqrt(stiffness / mass - (damping / (2 * mass)) ** 2)
-    for now in run(record, memory, 0.2, grip=1.0):
-        t = now["time"] * 1e-9
-        wanted = 0.01 * math.exp(-decay * t) * (math.cos(ringing * t) + decay / ringing * math.sin(ringing * t))
-        assert now["position"][0] == pytest.approx(wanted, abs=1e-13)
-
-
-def test_a_constant_motor_force_against_the_damper_ends_at_its_terminal_velocity():
-    record, memory = device(damping=3.0), state()
-    push(record, memory, 1.5)
-    finish(record, memory, 0.5)
-    assert memory["velocity"][0, 0] == pytest.approx(0.5 * -math.expm1(-0.5 * 3.0 / 0.1), rel=1e-12)
-
-
-@pytest.mark.parametrize("speed", [0.3, -0.3])
-def test_coulomb_friction_stops_a_sliding_mass_after_v_squared_over_twice_the_deceleration(speed):
-    record, memory = device(coulomb=0.2), state(velocity=[speed, 0.0, 0.0])
-    finish(record, memory, 0.3 * 0.1 / 0.2 + 0.001)
-    assert memory["velocity"][0, 0] == 0.0
-    assert memory["position"][0, 0] == pytest.approx(math.copysign(0.3**2 / (2 * 0.2 / 0.1), speed), rel=1e-10)
-    assert memory["energy_given"][0] == pytest.approx(0.0, abs=1e-14)
-
-
-def test_a_mass_at_rest_sticks_just_below_coulomb_friction_and_slides_just_above():
-    for share, moves in ((1.0 - 1e-6, False), (1.0 + 1e-6, True), (-1.0 + 1e-6, False), (-1.0 - 1e-6, True)):
-        record, memory = device(coulomb=0.2), state()
-        push(record, memory, 0.2 * share)
-        finish(record, memory, 0.01)
-        assert (memory["position"][0, 0] != 0.0) == moves
-        assert memory["position"][0, 0] * share >= 0.0
-
-
-def test_friction_turns_with_the_motion():
-    """Thrown up against a force beyond friction: the way up decelerates by f + f_c, the way down by f − f_c."""
-    record, memory = device(coulomb=0.2), state(velocity=[0.1, 0.0, 0.0])
-    push(record, memory, -0.5)
-    up, down = (0.5 + 0.2) / 0.1, (0.5 - 0.2) / 0.1
-    finish(record, memory, 0.1 / up + 0.02)
-    nanosecond = down * 1e-9
-    assert memory["velocity"][0, 0] == pytest.approx(-down * 0.02, abs=nanosecond)
-    assert memory["position"][0, 0] == pytest.approx(0.1**2 / (2 * up) - down * 0.02**2 / 2, abs=0.1 * nanosecond)
-
-
-def swing(t):
-    return (0.004 * math.sin(40.0 * t), 0.0, 0.0)
-
-
-@pytest.mark.parametrize("coulomb", [0.0, 0.05])
-def test_energy_given_is_minus_the_work_of_the_hand_on_the_handle(coulomb):
-    """The hand's work apart from the plant's ledger: of its spring and damper, less what its own mass keeps."""
-    record = device(damping=2.0, coulomb=coulomb, hand_mass=0.1, hand_damping=8.0, hand_stiffness=500.0, gravity=-0.3)
-    memory, work, step = state(), 0.0, 5_000
-    push(record, memory, 0.8)
-    x, v, s = 0.0, 0.0, 0.0
-    for now in run(record, memory, 0.1, swing, 1.0, step):
-        rate = (now["target"][0] - s) / (step * 1e-9)
-        powers = [
-            (500.0 * (at - position) + 8.0 * (rate - speed)) * speed
-            for at, position, speed in ((s, x, v), (now["target"][0], now["position"][0], now["velocity"][0]))
-        ]
-        work += sum(powers) / 2 * step * 1e-9 - 0.1 * (now["velocity"][0] ** 2 - v**2) / 2
-        x, v, s = now["position"][0], now["velocity"][0], now["target"][0]
-    assert abs(work) > 1e-4
-    assert memory["energy_given"][0] == pytest.approx(-work, rel=1e-6)
-
-
-def test_energy_given_agrees_with_an_independent_integration_of_hand_and_handle():
-    record = device(damping=2.0, hand_mass=0.1, hand_damping=8.0, hand_stiffness=500.0)
-    memory = state()
-    push(record, memory, 0.8)
-    finish(record, memory, 0.1, lambda t: (0.2 * t, 0.0, 0.0), 1.0)
-
-    def rates(t, now):
-        x, v, _ = now
-        spring = 500.0 * (0.2 * t - x) + 8.0 * (0.2 - v)
-        acceleration = (0.8 - 2.0 * v + spring) / 0.2
-        return [v, acceleration, -(spring - 0.1 * acceleration) * v]
-
-    end = solve_ivp(rates, (0.0, 0.1), [0.0, 0.0, 0.0], method="DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
-    assert memory["position"][0, 0] == pytest.approx(end[0], rel=1e-10)
-    assert memory["energy_given"][0] == pytest.approx(end[2], rel=1e-7)
-
-
-def test_a_held_handle_bears_the_motor_force_and_is_given_no_energy():
-    record = device(hand_stiffness=1e6, hand_damping=100.0, damping=2.0)
-    memory = state()
-    push(record, memory, 2.0)
-    finish(record, memory, 0.2, grip=1.0)
-    assert memory["operator_force"][0, 0] == pytest.approx(-2.0, rel=1e-6)
-    assert memory["position"][0, 0] == pytest.approx(2e-6, rel=1e-3)
-
-
-def test_a_handle_that_was_let_go_feels_no_hand():
-    record = device(hand_mass=0.1, hand_stiffness=500.0, hand_damping=8.0)
-    memory = state(position=0.01)
-    finish(record, memory, 0.01, grip=0.0)
-    assert memory["position"][0, 0] == 0.01 and memory["operator_force"][0, 0] == 0.0
-
-
-def test_gravity_alone_makes_the_handle_fall_freely():
-    record, memory = device(gravity=-0.981), state()
-    finish(record, memory, 0.1)
-    assert memory["position"][0, 0] == pytest.approx(-0.5 * 9.81 * 0.1**2, rel=1e-12)
-
-
-def sense(record, memory, latched):
-    counts, drag = np.zeros(3), np.zeros(3)
-    plant.sense(record[0], memory[0], latched, counts, drag)
-    return counts, drag
-
-
-def test_a_handle_that_was_never_moved_is_sensed_where_it_is():
-    counts, _ = sense(device(sensing_delay=50_000), state(position=0.05), 0)
-    assert counts[0] == 50_000
-
-
-@pytest.mark.parametrize("delay", [0, 250_000, 1_000_000, 130_000, 333_333, 7])
-def test_sensing_lags_by_whole_and_fractional_delays(delay):
-    record = device(damping=2.0, sensing_delay=delay, position_per_count=1e-12)
-    memory = state(velocity=[0.2, 0.0, 0.0])
-    finish(record, memory, 0.005)
-    t = 0.005 - delay * 1e-9
-    counts, _ = sense(record, memory, 5_000_000)
-    assert counts[0] * 1e-12 == pytest.approx(0.2 * 0.1 / 2.0 * -math.expm1(-2.0 / 0.1 * t), abs=2e-12)
-
-
 @few(20)
 @given(st.floats(-0.1, 0.1), st.sampled_from([5e-6, -5e-6, 1e-4]), st.floats(-0.01, 0.01))
 def test_an_encoder_counts_to_the_nearest_step_with_sign_and_zero(position, per_count, zero):
-    record = device(position_per_count=per_count, zero=zero)
-    counts, _ = sense(record, state(position=position), 0)
+    counts, _ = InPython(x=(*FREE[:7], position), position_per_count=per_count, zero=zero).sense()
     assert counts[0] == round(counts[0])
     assert abs(counts[0] * per_count - zero - position) <= abs(per_count) / 2 * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("delay", [0, 250_000, 130_001])
-def test_a_motor_value_acts_exactly_after_the_actuation_delay(delay):
-    record, memory = device(actuation_delay=delay), state()
-    plant.push_motor(record[0], memory[0], 0, np.array([1.0, 0.0, 0.0]))
-    while memory["time"][0] < 1_000_000:
-        end = plant.next_change(memory[0], min(1_000_000, int(memory["time"][0]) + SUB_STEP))
-        if end > memory["time"][0]:
-            plant.sub_step(record[0], memory[0], end, np.zeros(3), 0.0)
-        plant.take_motor(memory[0])
-    moved = 1e-3 - delay * 1e-9
-    assert memory["position"][0, 0] == pytest.approx(0.5 * 10.0 * moved**2, rel=1e-12)
+WALL, HAND, MASS, DAMPING = 500.0, 500.0, 0.03, 1.0  # N/m, N/m, kg, N s/m
+FROM, SPEED = -0.01, 0.1  # m, m/s of the place that the hand aims at, straight
+PERIOD, TICKS = 1_000_000, 250
 
 
-LIGHT_HANDLE = {"mass": 0.03, "damping": 1.0}
-HAND, WALL = 500.0, 500.0  # N/m
-FROM, SPEED = -0.01, 0.1  # m, m/s of the place that the hand aims at
-
-
-def pressed(period, delay, resolution, hand_damping, seconds):
-    """Positions each period [ns] while a hand draws the handle into a sampled wall at 0."""
-    record = device(
-        **LIGHT_HANDLE,
-        hand_stiffness=HAND,
-        hand_damping=hand_damping,
-        position_per_count=resolution,
-        actuation_delay=delay,
-    )
-    memory = state(position=[FROM, 0.0, 0.0], target=[FROM, 0.0, 0.0])
-    positions = []
-    for tick in range(0, round(seconds * SECOND), period):
-        counts, _ = sense(record, memory, tick)
-        plant.push_motor(record[0], memory[0], tick, np.array([-WALL * max(0.0, counts[0] * resolution), 0.0, 0.0]))
-        while memory["time"][0] < tick + period:
-            plant.take_motor(memory[0])
-            end = plant.next_change(memory[0], min(tick + period, int(memory["time"][0]) + SUB_STEP))
-            plant.sub_step(record[0], memory[0], end, np.array([FROM + SPEED * end * 1e-9, 0.0, 0.0]), 1.0)
-        positions.append(memory["position"][0, 0])
-    return np.array(positions)
+def pressed(delay, resolution, hand_damping):
+    """Positions each period while a hand draws the handle into a sampled wall at 0."""
+    axis = (MASS, DAMPING, 0.0, 0.0, 0.0, hand_damping, HAND, FROM)
+    drawn = InPython(x=axis, actuation=delay * 1e-9, position_per_count=resolution)
+    drawn.script((0.0, FROM, 0.0, 0.0, 1.0), (10.0, FROM + 10.0 * SPEED, 0.0, 0.0, 1.0))
+    drawn.motion["kind"] = 3  # straight
+    for tick in range(TICKS):
+        drawn.push(tick * 1e-3, -WALL * max(0.0, drawn.sense()[0][0] * resolution))
+        yield drawn.at((tick + 1) * 1e-3).position[0]
 
 
 def integrated(force, start, times, hand_damping):
-    """States at the times [s] by scipy; force: of the wall, (time, position) -> N."""
+    """The state (x, v) after these two times [s] by scipy, under this force of the wall."""
 
     def rates(t, now):
         spring = HAND * (FROM + SPEED * t - now[0]) + hand_damping * (SPEED - now[1])
-        return [now[1], (force(t, now[0]) - LIGHT_HANDLE["damping"] * now[1] + spring) / LIGHT_HANDLE["mass"]]
+        return [now[1], (force - DAMPING * now[1] + spring) / MASS]
 
-    return solve_ivp(rates, times[[0, -1]], start, "DOP853", times[1:], rtol=1e-12, atol=1e-15, max_step=1e-3).y.T
+    return solve_ivp(rates, times, start, "DOP853", rtol=1e-12, atol=1e-15).y[:, -1]
 
 
 @pytest.mark.parametrize(
-    ("delay", "resolution", "hand_damping"),
-    [(0, 1e-13, 0.0), (2_000_000, 1e-13, 0.0), (500_000, 1e-13, 0.0), (0, 1e-4, 0.0), (0, 1e-13, 10.0)],
-    ids=["sampled", "two periods late", "half a period late", "coarse encoder", "damped hand"],
+    "delay, resolution, hand_damping",
+    [(0, 1e-13, 0.0), (2_000_000, 1e-13, 0.0), (500_000, 1e-4, 10.0)],
+    ids=["sampled", "two periods late", "half a period late, coarse encoder, damped hand"],
 )
 def test_a_hand_presses_into_a_sampled_wall_as_scipy_integrates_it(delay, resolution, hand_damping):
-    period, ticks = 1_000_000, 250
     now, waiting, held, wanted = [FROM, 0.0], [], 0.0, []
-    for tick in range(ticks):
-        begin = tick * period
+    for begin in range(0, TICKS * PERIOD, PERIOD):
         waiting.append((begin + delay, -WALL * max(0.0, math.floor(now[0] / resolution + 0.5) * resolution)))
-        marks = sorted({begin, begin + period, *(when for when, _ in waiting if begin < when < begin + period)})
+        marks = sorted({begin, begin + PERIOD, *(when for when, _ in waiting if begin < when < begin + PERIOD)})
         for start, end in zip(marks, marks[1:], strict=False):
             held = next((force for when, force in reversed(waiting) if when <= start), held)
-            now = integrated(lambda t, x, held=held: held, now, np.array([start, end]) * 1e-9, hand_damping)[-1]
+            now = integrated(held, now, np.array([start, end]) * 1e-9, hand_damping)
         wanted.append(now[0])
-    found = pressed(period, delay, resolution, hand_damping, ticks * period * 1e-9)
     assert max(wanted) > 0.004
-    assert found == pytest.approx(np.array(wanted), rel=1e-9, abs=1e-11)
-
-
-@pytest.mark.parametrize("hand_damping", [0.0, 10.0])
-def test_a_wall_that_is_sampled_twice_as_often_is_half_as_far_from_the_continuous_one(hand_damping):
-    times = np.arange(0.0, 0.2501, 1e-3)
-    smooth = integrated(lambda t, x: -WALL * max(0.0, x), [FROM, 0.0], times, hand_damping)[:, 0]
-    coarse, fine = (
-        np.abs(
-            pressed(period, 0, 1e-13, hand_damping, 0.25)[1_000_000 // period - 1 :: 1_000_000 // period] - smooth
-        ).max()
-        for period in (50_000, 25_000)
-    )
-    assert coarse < 2e-4
-    assert fine == pytest.approx(0.5 * coarse, rel=0.1)
+    assert list(pressed(delay, resolution, hand_damping)) == pytest.approx(wanted, rel=1e-9, abs=1e-11)
 
 
 def test_the_motor_gives_no_more_than_its_limit_in_either_direction():
-    record = device(force_limit=3.0, force_per_motor=-2.0)
     for motor, force in ((1.0, -2.0), (1.4999, -2.9998), (1.6, -3.0), (-50.0, 3.0)):
-        memory = state()
-        push(record, memory, motor)
-        assert memory["motor_force"][0, 0] == pytest.approx(force)
+        limited = InPython(force_limit=3.0, force_per_motor=-2.0)
+        limited.push(0.0, motor)
+        assert limited.at(0.0).motor[0] == pytest.approx(force)
 
 
 def test_the_drag_sensor_follows_the_damper_behind_its_bandwidth_with_its_bias():
     bandwidth = 2 * math.pi * 100.0
-    record = device(damping=2.0, drag_bandwidth=bandwidth, drag_bias=0.25, mass=1e6)
-    memory = state(velocity=[0.5, 0.0, 0.0])
-    finish(record, memory, 0.002)
-    _, drag = sense(record, memory, 2_000_000)
-    assert drag[0] == pytest.approx(0.25 + 1.0 * -math.expm1(-bandwidth * 0.002), rel=1e-6)
-    record["drag_bandwidth"] = 0.0
-    finish(record, memory, 0.0001)
-    assert sense(record, memory, 2_100_000)[1][0] == pytest.approx(1.25, rel=1e-6)
+    moving = InPython(damping=2.0, drag_bandwidth=bandwidth, drag_bias=0.25, mass=1e6)
+    moving.memory["velocity"] = 0.5
+    moving.at(0.002)
+    assert moving.sense()[1][0] == pytest.approx(0.25 + 1.0 * -math.expm1(-bandwidth * 0.002), rel=1e-6)
+    moving.record["drag_bandwidth"] = 0.0
+    moving.at(0.0021)
+    assert moving.sense()[1][0] == pytest.approx(1.25, rel=1e-6)
 
 
 def test_the_drag_sensors_noise_has_its_standard_deviation_and_comes_again_the_same():
-    record = device(drag_noise=0.01)
-    runs = []
-    for _ in range(2):
-        memory = state()
-        runs.append([sense(record, memory, 0)[1][0] for _ in range(4000)])
-    assert runs[0] == runs[1]
-    assert np.std(runs[0]) == pytest.approx(0.01, rel=0.05)
-    assert np.mean(runs[0]) == pytest.approx(0.0, abs=0.0005)
+    sensors = InPython(drag_noise=0.01), InPython(drag_noise=0.01)
+    first, second = ([sensor.sense()[1][0] for _ in range(4000)] for sensor in sensors)
+    assert first == second
+    assert np.std(first) == pytest.approx(0.01, rel=0.05)
+    assert np.mean(first) == pytest.approx(0.0, abs=0.0005)
