@@ -1,37 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the runner of tutorials takes for true of a page, and what it refuses."""
+"""Start and the tutorials: every block does what its page says; and what the runner of pages takes for true."""
+
+from pathlib import Path
 
 import pytest
 import tutorials
 
-
-@pytest.fixture
-def run(tmp_path):
-    return lambda page: tutorials.run(page, tmp_path, 42)
-
-
+DOCS = Path(__file__).parents[2] / "docs"
+PAGES = [DOCS / "start.md", *sorted(DOCS.glob("tutorials/*.md"))]
 TRUE = {
     "each line in its order": "```sh\nprintf 'a\\nb\\nc\\n'\n```\n```text\na\nc\n```\n",
-    "anything for an ellipsis": "```sh\necho took 3.1 s, twice\n```\n```text\ntook … s, …\n```\n",
-    "white space and lines of tables": "```sh\necho '│ rate   │ 4 kHz │'\n```\n```text\n│ rate │ 4 kHz │\n```\n",
+    "an ellipsis, standard error": "```sh\necho took 3.1 s, twice >&2\n```\n```text\ntook … s, …\n```\n",
     "a table without its lines": "```sh\necho '│ rate   │ 4 kHz │'\n```\n```text\nrate 4 kHz\n```\n",
-    "standard error too": "```sh\necho beware >&2\n```\n```text\nbeware\n```\n",
     "a refusal": "```sh\nfalse # refused\n```\n",
-    "a folder": "```sh\nmkdir d\ncd d\n```\n```sh\nbasename $PWD\n```\n```text\nd\n```\n",
-    "a variable": "```sh\nexport A=5\n```\n```python\nimport os\nprint(os.environ['A'])\n```\n```text\n5\n```\n",
-    "files": '```yaml title="a.yaml"\nx: 1\n```\n```sh\ncat a.yaml\n```\n```text\nx: 1\n```\n',
-    "a script": '```c title="a.c"\nint a;\n```\n```python\nprint(open("a.c").read())\n```\n```text\nint a;\n```\n',
+    "folder and variable": "```sh\nmkdir d\ncd d\nexport A=5\n```\n```sh\nbasename $PWD$A\n```\n```text\nd5\n```\n",
+    "files": '```c title="a.c"\nint a;\n```\n```python\nprint(open("a.c").read())\n```\n```text\nint a;\n```\n',
     "a script's exit": "```sh\necho ready\n```\n```python\nraise SystemExit(0)\n```\n",
     "the domain of the test": "```sh\nexport ROS_DOMAIN_ID=7\necho $ROS_DOMAIN_ID\n```\n```text\n42\n```\n",
     "what comes late from the background": "```sh\n(sleep 0.3; echo late; sleep 100) &\n```\n```text\nlate\n```\n",
 }
-
-
-@pytest.mark.parametrize("page", TRUE.values(), ids=TRUE.keys())
-def test_a_page_that_is_true_passes(run, page):
-    run(page)
-
-
 WRONG = {
     "another order": ("```sh\nprintf 'a\\nb\\n'\n```\n```text\nb\na\n```\n", "line 5: not printed: a"),
     "a part of a line": ("```sh\necho 12\n```\n```text\n1\n```\n", "not printed: 1"),
@@ -39,29 +26,38 @@ WRONG = {
     "a command that fails": ("```sh\ntrue\nfalse\n```\n", "line 3: false ended with 1"),
     "a refusal that does not come": ("```sh\ntrue # refused\n```\n", "line 2: .* is not refused"),
     "a script that fails": ("```python\n1 / 0\n```\n", "line 2: this script ended with 1"),
-    "a failure in the background": (
-        "```sh\n(sleep 0.2; exit 3) &\nsleep 0.4\n```\n",
-        "failed in the background, .* '3'",
-    ),
+    "a failure behind": ("```sh\n(sleep 0.2; exit 3) &\nsleep 0.4\n```\n", "failed in the background, .* '3'"),
     "the end of the shell": ("```sh\nexit 0\n```\n", "the shell has ended"),
-    "no end": ("```sh\ntrue\n", "line 1: this block has no end"),
-    "no end before another": ("```sh\ntrue\n```text\n```\n", "line 1: this block has no end"),
+    "no end": ("```sh\ntrue\n```text\n```\n", "line 1: this block has no end"),
     "another language": ("```json\n{}\n```\n", "line 1: 'json' is not executed"),
-    "no language": ("```\ntrue\n```\n", "line 1: '' is not executed"),
     "another option": ("```sh skip\ntrue\n```\n", "line 1: 'skip' is no title"),
     "a file elsewhere": ('```yaml title="../a"\n```\n', "is no title"),
     "text behind nothing": ('```c title="a.c"\n```\n```text\na\n```\n', "line 3: text stands behind what prints it"),
     "a block in a list": ("* \n  ```sh\n  true\n  ```\n", "line 2: a block begins at the start of a line"),
 }
+LOOP = "(trap 'echo told >told; exit 130' INT; echo up; while true; do sleep 0.05; done) &"
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_each_block_of_the_page_does_what_the_page_says(page, ros_domain, tmp_path):
+    tutorials.run(page.read_text(encoding="utf-8"), tmp_path, ros_domain)
+
+
+@pytest.fixture
+def run(tmp_path):
+    return lambda page: tutorials.run(page, tmp_path, 42)
+
+
+@pytest.mark.parametrize("page", TRUE.values(), ids=TRUE.keys())
+def test_a_page_that_is_true_passes(run, page):
+    run(page)
 
 
 @pytest.mark.parametrize("page, sentence", WRONG.values(), ids=WRONG.keys())
 def test_a_page_that_is_not_true_is_refused_with_its_line(run, page, sentence):
     with pytest.raises(AssertionError, match=sentence):
         run(page)
-
-
-LOOP = "(trap 'echo told >told; exit 130' INT; echo up; while true; do sleep 0.05; done) &"
 
 
 def test_what_runs_in_the_background_hears_ctrl_c_at_the_end_of_the_page(run, tmp_path):

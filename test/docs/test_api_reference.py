@@ -70,30 +70,25 @@ def run(tmp_path_factory):
     return folder / "run"
 
 
-@pytest.fixture
-def beside_the_bag(run, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    Path("run").symlink_to(run)
-
-
-def test_the_index_names_each_page_and_no_other():
+def test_each_name_and_each_page_stands_in_the_reference_once():
     found = re.findall(r"^\| \[\w+\]\((\w+\.md)\)", (API / "README.md").read_text("utf-8"), re.MULTILINE)
     assert sorted(found) == [page.name for page in PAGES]
-
-
-def test_each_name_stands_in_the_reference_once():
     assert len(NAMES) == len(set(NAMES)) > 100
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name != MAKER])
-def test_the_example_of_a_docstring_prints_what_stands_there(name, beside_the_bag):
-    assert failures(inspect.getdoc(resolved(name)), name) == ""
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_the_examples_of_a_page_print_what_stands_there(page, beside_the_bag):
-    for block in re.findall(r"^```pycon\n(.*?)^```$", page.read_text("utf-8"), re.MULTILINE | re.DOTALL):
-        assert failures(block, page.name) == ""
+def test_every_example_of_docstrings_and_pages_prints_what_stands_there(run, tmp_path, monkeypatch):
+    examples = [(name, inspect.getdoc(resolved(name))) for name in NAMES if name != MAKER]
+    blocks = r"^```pycon\n(.*?)^```$"
+    for page in PAGES:
+        found = re.findall(blocks, page.read_text("utf-8"), re.MULTILINE | re.DOTALL)
+        examples += [(page.name, block) for block in found]
+    wrong = []
+    for number, (name, text) in enumerate(examples):
+        (folder := tmp_path / f"{number}").mkdir()
+        (folder / "run").symlink_to(run)
+        monkeypatch.chdir(folder)
+        wrong += [said for said in [failures(text, name)] if said]
+    assert wrong == []
 
 
 def test_an_example_that_prints_something_else_is_found_and_so_is_a_docstring_without_any():
@@ -111,39 +106,32 @@ def test_a_docstring_explains_the_arguments_in_their_order():
     assert {name: listed(resolved(name), "Args") for name in given} == given
 
 
-def test_the_docstring_of_a_public_class_or_of_its_base_names_each_field():
-    unnamed = []
+def test_a_docstring_names_each_field_of_its_class_and_no_attribute_that_is_gone():
+    wrong = []
     for kind in CLASSES:
         text = "\n".join(inspect.getdoc(base) or "" for base in ours(kind))
-        for name, hint in inspect.get_annotations(kind).items():
-            said = name.startswith("_") or get_origin(hint) is Literal or "ClassVar" in str(hint)
-            unnamed += [] if said or names_it(text, name) else [f"{kind.__name__}.{name}"]
-    assert not unnamed
-
-
-def test_each_attribute_that_a_docstring_explains_is_there():
-    gone = []
-    for kind in CLASSES:
         fields = {name for base in ours(kind) for name in inspect.get_annotations(base)}
         source = "".join(map(inspect.getsource, ours(kind)))
-        gone += [
-            f"{kind.__name__}.{name}"
-            for name in listed(kind, "Attributes")
-            if name not in fields and f"self.{name}" not in source
-        ]
-    assert not gone
+        for name, hint in inspect.get_annotations(kind).items():
+            said = name.startswith("_") or get_origin(hint) is Literal or "ClassVar" in str(hint)
+            wrong += [] if said or names_it(text, name) else [f"{kind.__name__}.{name} is not named"]
+        for name in listed(kind, "Attributes"):
+            wrong += [] if name in fields or f"self.{name}" in source else [f"{kind.__name__}.{name} is gone"]
+    assert wrong == []
 
 
 def test_each_public_method_has_a_docstring_and_annotates_or_names_its_arguments():
     silent = []
     for kind in CLASSES:
         for name, method in members(kind).items():
-            if isinstance(method, property) and not inspect.getdoc(method):
+            text, given = inspect.getdoc(method), []
+            if inspect.isfunction(method):
+                given = list(inspect.signature(method).parameters.values())[1:]
+            if (given or isinstance(method, property)) and not text:
                 silent.append(f"{kind.__name__}.{name}")
-            for parameter in (
-                list(inspect.signature(method).parameters.values())[1:] if inspect.isfunction(method) else ()
-            ):
-                annotated = parameter.annotation is not parameter.empty
-                if not inspect.getdoc(method) or not (annotated or names_it(inspect.getdoc(method), parameter.name)):
-                    silent.append(f"{kind.__name__}.{name}({parameter.name})")
-    assert not silent
+            silent += [
+                f"{kind.__name__}.{name}({one.name})"
+                for one in given
+                if one.annotation is one.empty and not names_it(text, one.name)
+            ]
+    assert silent == []

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures of maps and of runs: what they tell is in their legend, to one scale, in the palette's
+colours, which colour-blind eyes tell apart."""
+
+import itertools
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from bench.jobs import read_csv
+from bench.methods import growth, measure
+from bench.methods.figure import LEAST, pareto_figure
+from haptic_device.analysis import palette, passivity_figure, zwidth_figure
+from haptic_device.analysis.assessment import Display, assess
+from haptic_device.analysis.report import curves
+from haptic_device.analysis.zwidth import NAMES, Outcome, Setup
+from haptic_device.analysis.zwidth_map import Plane, Request
+from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_sim import method_registry, viewer
+from haptic_sim.film import gif
+
+ROOT = Path(__file__).parents[2]
+STORED = ROOT / "docs" / "benchmarks"
+OF_COLOURS = ("palette.py", "style.py")
+
+
+EYES = {
+    "usual": np.eye(3),
+    "protanope": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+    "deuteranope": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
+}
+"""Linear RGB as such an eye sees it: Machado, Oliveira & Fernandes (2009), severity 1."""
+TO_XYZ = [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
+WHITE = [0.95047, 1.0, 1.08883]
+APART = 15.0  # CIE 1976 colour difference; 2.3 is just noticeable side by side
+PLANE = ("handle", "tool", "fixed", "moving", "coupling", "force", "contact", "target")
+FAMILIES = {
+    "methods": {name: look.colour for name, look in palette.METHODS.items()},
+    "exchanges": {name: look.colour for name, look in palette.EXCHANGES.items()},
+    "runs": {number: look.colour for number, look in enumerate(palette.RUNS)},
+    "plane": {name: getattr(palette, name.upper()) for name in PLANE},
+    "cells": dict(enumerate(palette.CELLS)),
+    "pass and fail": {"pass": palette.PASS, "fail": palette.FAIL},
+}
+
+
+def linear(colour):
+    """Red, green, blue of #rrggbb, proportional to light."""
+    value = np.array([int(colour[at : at + 2], 16) for at in (1, 3, 5)]) / 255.0
+    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+
+
+def lab(colour, eye):
+    """CIE L*, a*, b* of a colour as an eye sees it."""
+    seen = np.array(TO_XYZ) @ np.clip(np.array(EYES[eye]) @ linear(colour), 0.0, 1.0) / WHITE
+    root = np.where(seen > 216 / 24389, np.cbrt(seen), (24389 / 27 * seen + 16) / 116)
+    return np.array([116 * root[1] - 16, 500 * (root[0] - root[1]), 200 * (root[1] - root[2])])
+
+
+def difference(one, other, eye):
+    """CIE 1976 colour difference."""
+    return float(np.linalg.norm(lab(one, eye) - lab(other, eye)))
+
+
+def saved(monkeypatch, save, *words):
+    """The figure that `save` writes."""
+    figures = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: figures.append(figure))
+    save(*words, Path("picture.png"))
+    return figures[0]
+
+
+def legend(figure):
+    """Words of the only legend."""
+    (shown,) = figure.legends or [axes.get_legend() for axes in figure.axes if axes.get_legend()]
+    return [text.get_text() for text in shown.get_texts()]
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "verdict", "mark", "colour"),
+    [
+        (900.0, "passive", palette.PASS_MARK, palette.PASS),
+        (1100.0, "not passive", palette.FAIL_MARK, palette.FAIL),
+    ],
+)
+def test_the_verdict_on_a_display_is_told_by_mark_colour_and_word(monkeypatch, stiffness, verdict, mark, colour):
+    display = Display(stiffness, 0.0, 0.5, 1e-3, mass=0.1)
+    figure = saved(monkeypatch, passivity_figure.save_map, display, assess(display))
+    (point,) = (line for line in figure.axes[0].lines if len(line.get_xdata()) == 1)
+    assert (point.get_marker(), point.get_color()) == (mark, colour)
+    assert f"this display: {verdict}" in legend(figure)
+    assert figure.axes[0].get_title() == passivity_figure.TITLE
+    assert figure.axes[0].get_legend() is None  # it is below, off the data
+
+
+@pytest.mark.parametrize("there", [(0,), (0, 2), (0, 1, 2)])
+def test_the_legend_of_a_plane_of_cells_has_what_cells_did_and_nothing_else(monkeypatch, there):
+    cells = np.resize(np.array(there, dtype=np.int8), (4, 3))
+    request = Request(Setup(0.1, 0.5, 1e-3), "none", np.linspace(100.0, 1000.0, 3), np.linspace(0.0, 1.0, 4))
+    plane = Plane(Outcome(cells, np.zeros((4, 3)), np.zeros((4, 3))), np.ones(4, dtype=bool))
+    figure = saved(monkeypatch, zwidth_figure.save_map, request, plane, 0.0)
+    assert [word for word in legend(figure) if word in NAMES] == [NAMES[which] for which in there]
+    assert figure.axes[0].get_legend() is None
+    assert "m = 0.1 kg" in figure.legends[0].get_title().get_text()
+
+
+def test_pictures_of_the_stored_runs_are_whole_to_one_scale_and_have_one_colour_for_a_method():
+    runs = read_csv(STORED / "speed_error.csv", measure.Run)
+    errors, growing = pareto_figure(runs), growth.figure(read_csv(STORED / "growth.csv", growth.Run))
+    assert [axes.get_title() for axes in errors.axes] == list(dict.fromkeys(item.scene for item in runs))
+    assert len({(axes.get_xlim(), axes.get_ylim()) for axes in errors.axes}) == 1
+    assert {"partitioned", "the scene's own method and step"} <= set(legend(errors))
+    drawn = [float(x) for axes in errors.axes for line in axes.lines for x in line.get_xdata()]
+    assert min(drawn) == LEAST > min(item.error for item in runs if item.counts)
+    *shown, last = growing.axes
+    assert all(axes.lines for axes in shown) and last.get_legend() and not last.axison
+    assert len({axes.get_ylim() for axes in shown}) == 1
+    assert [axes.get_title().split(":")[0] for axes in shown] == list(growth.WORLDS)
+    for figure in (errors, growing):
+        lines = figure.legends[0].get_lines() if figure.legends else last.get_legend().get_lines()
+        colours = dict(zip(legend(figure), (line.get_color() for line in lines), strict=False))
+        for method in ("impulse", "partitioned"):
+            assert colours[method] == palette.METHODS[method].colour
+
+
+def test_no_two_colours_of_a_picture_look_alike_to_anybody():
+    for family, eye in itertools.product(FAMILIES.values(), EYES):
+        for one, other in itertools.combinations(family, 2):
+            assert difference(family[one], family[other], eye) >= APART, (one, other, eye)
+    green, brick = "#2ca02c", "#d06040"  # far apart, and one to a deuteranope
+    assert difference(green, brick, "usual") > 5.0 * APART
+    assert difference(green, brick, "deuteranope") < 2.3
+
+
+def test_every_method_has_a_look_and_lines_differ_without_colour_too():
+    assert set(palette.METHODS) == set(method_registry.METHODS)
+    assert set(palette.EXCHANGES) == set(EXCHANGE_METHODS)
+    for looks in (palette.METHODS | palette.PEERS, palette.EXCHANGES):
+        assert len({look.mark for look in looks.values()}) == len(looks)
+    assert len({look.dashes for look in palette.RUNS}) == len(palette.RUNS)
+    assert palette.PASS_MARK != palette.FAIL_MARK
+    assert len(set(palette.HATCHES)) == len(palette.CELLS)
+
+
+def test_the_plane_has_the_colours_of_the_page_and_no_picture_one_that_is_not_of_the_palette():
+    sheet = (Path(viewer.__file__).parent / "web" / "style.css").read_text(encoding="utf-8")
+    light = dict(re.findall(r"--([a-z]+): (#[0-9a-f]{6})", sheet[sheet.index(":root {") : sheet.index("}")]))
+    assert {name: light[name] for name in PLANE} == FAMILIES["plane"]
+    pages = [source for source in Path(palette.__file__).parent.rglob("*.py") if source.name not in OF_COLOURS]
+    texts = {source.name: source.read_text(encoding="utf-8") for source in [*pages, Path(gif.__file__)]}
+    assert len(texts) > 20 and [name for name, text in texts.items() if re.search(r"#[0-9a-fA-F]{6}\b", text)] == []
+    colours = {value for value in vars(palette).values() if isinstance(value, str) and value.startswith("#")}
+    assert {*curves.COLOURS, *(look.colour for look in palette.RUNS)} <= colours
