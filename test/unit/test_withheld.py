@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 from exchange_systems import demo_system, one_axis
-from test_servo import FREE, WALL, Servo
+from fault_table import FREE, WALL, Servo
 from ticks import tick
 
 from adversary import exchange_search as adversary
