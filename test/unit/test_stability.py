@@ -23,19 +23,6 @@ DELAY = st.sampled_from([0.0, 0.4, 1.0, 2.0, 2.5, 5.0])
 LAG = st.sampled_from([0.0, 1e-3, 1e-2])
 
 
-def last_positions(stiffness, damping, mass, physical_damping, period, delay, ticks=4000):
-    """Largest |x| early and late in a run of the held plant by the matrix exponential, delay in whole periods."""
-    matrix = np.array([[0.0, 1.0, 0.0], [0.0, -physical_damping / mass, 1.0 / mass], [0.0, 0.0, 0.0]])
-    step = expm(matrix * period)
-    state, last, pending, track = np.array([1.0, 0.0]), 1.0, [0.0] * (delay + 1), []
-    for _ in range(ticks):
-        pending.append(-stiffness * state[0] - damping * (state[0] - last) / period)
-        last = state[0]
-        state = step[:2, :2] @ state + step[:2, 2] * pending[-1 - delay]
-        track.append(abs(state[0]))
-    return max(track[ticks // 4 : ticks // 2]), max(track[3 * ticks // 4 :])
-
-
 @pytest.mark.parametrize(
     "damping, samples, expected",
     [
@@ -50,15 +37,6 @@ def last_positions(stiffness, damping, mass, physical_damping, period, delay, ti
 )
 def test_largest_stable_stiffness_agrees_with_the_reference_to_five_digits(damping, samples, expected):
     assert largest_stable_stiffness(0.1, 0.5, damping, 1e-3, samples) == pytest.approx(expected, abs=0.0051)
-
-
-@pytest.mark.parametrize("damping, delay", [(0.0, 0), (1.0, 0), (1.0, 1), (5.0, 2)])
-def test_a_run_in_time_dies_out_just_below_the_boundary_and_grows_just_above(damping, delay):
-    boundary = largest_stable_stiffness(0.1, 0.5, damping, 1e-3, delay)
-    early, late = last_positions(0.97 * boundary, damping, 0.1, 0.5, 1e-3, delay)
-    assert late < early
-    early, late = last_positions(1.03 * boundary, damping, 0.1, 0.5, 1e-3, delay)
-    assert late > early
 
 
 @few(20)
@@ -80,13 +58,6 @@ def test_without_physical_damping_the_boundary_has_a_closed_form(mass, period, s
     assert largest_stable_stiffness(mass, 0.0, share * mass / period, period) == pytest.approx(expected, rel=1e-6)
 
 
-def test_without_physical_damping_the_stiffest_stable_wall_has_beta_of_0_82843():
-    below, stiffest, above = largest_stable_stiffness(1.0, 0.0, 0.82843 + np.array([-0.001, 0.0, 0.001]), 1.0)
-    assert stiffest == pytest.approx(0.68629, abs=5e-6)
-    assert max(below, above) < stiffest
-    assert largest_stable_stiffness(1.0, 0.0, 2.5, 1.0) == 0.0
-
-
 @few(15)
 @given(MASS, st.floats(0.0, 50.0), PERIOD, st.floats(0.0, 0.99))
 def test_the_held_plant_is_the_exact_response_to_a_force_switched_late(mass, physical_damping, period, fraction):
@@ -106,12 +77,6 @@ def test_what_is_passive_is_stable(mass, physical_damping, damping, period, dela
     assert stable >= passive * (1.0 - 1e-6)
 
 
-def test_the_small_gain_rule_is_good_for_little_damping_and_worthless_for_much():
-    truth = largest_stable_stiffness(0.1, 0.5, 0.25, 1e-3, 1.0)
-    assert truth == pytest.approx((0.5 + 0.25) / (0.5e-3 + 1e-3), rel=0.01)
-    assert largest_stable_stiffness(0.04, 0.8, 20.0, 1e-3, 5.0) == 0.0 < (0.8 + 20.0) / (0.5e-3 + 5e-3)
-
-
 def test_a_loop_unstable_without_a_spring_may_be_stable_with_one_and_both_ends_are_reported():
     (low, high), *more = stable_ranges(1.0, 2.5, -2.95, 1.0, 0.0, 0.5)
     assert not more
@@ -123,16 +88,3 @@ def test_a_loop_unstable_without_a_spring_may_be_stable_with_one_and_both_ends_a
 def test_without_a_spring_the_free_position_does_not_count_as_instability():
     assert spectral_radius(0.0, 0.1, 0.1, 0.5, 1e-3) < 1.0
     assert spectral_radius(0.0, 500.0, 0.1, 0.5, 1e-3) > 1.0
-
-
-@pytest.mark.parametrize(
-    "mass, physical_damping, period, sentence",
-    [
-        (0.0, 0.5, 1e-3, "mass is 0 kg"),
-        (0.1, -1.0, 1e-3, "physical_damping is -1 N s/m"),
-        (0.1, 0.5, 0.0, "period is 0"),
-    ],
-)
-def test_impossible_devices_are_refused(mass, physical_damping, period, sentence):
-    with pytest.raises(ValueError, match=sentence):
-        largest_stable_stiffness(mass, physical_damping, 0.0, period)
