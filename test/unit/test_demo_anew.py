@@ -84,11 +84,6 @@ def test_a_demo_that_ended_in_any_other_way_does_not_begin_anew(ran, ending):
     assert left == [WELL] and found["why"] == ending.why and done == (not ending.why)
 
 
-def test_a_fault_that_came_before_a_motor_command_was_seen_leaves_the_figures_that_the_bag_has(ran):
-    done, found, _, _ = ran(SILENT._replace(fault="velocity", commanded=False))
-    assert not done and found["why"] == SILENT.why and found["exchange"] == {"sent": 1000, "answered": 1000}
-
-
 def test_a_demo_without_a_motor_command_has_no_figures_and_says_why(ran):
     _, found, _, _ = ran(Ending("no motor command came, and no news for 90 s: …", "", False, False))
     assert found["exchange"] is None and found["faults"] == [found["why"]]

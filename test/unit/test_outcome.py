@@ -1,19 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Why a run did not keep up: a world that takes longer than it has, or a machine that was late."""
+"""What is said of a run: why it did not keep up, whether it is done, and of which fault it died."""
 
-import json
 import math
+import time
+from types import SimpleNamespace
 
 import pytest
 from bag_of_a_run import SAID, swing, write_run
 
 from haptic_device.analysis.report.reading import read_run
 from haptic_device.analysis.report.table import MISSING, sections
+from haptic_device.control.faults import TABLE
 from haptic_device.recording import load
 from haptic_device.status import Status
 from haptic_sim import outcome
 from haptic_sim.cli import demo, tables
+from haptic_sim.cli.status import newest
 from haptic_sim.exchange.left_out_time import CHEAPER, QUIETER, SHARE
+from haptic_sim.outcome import ANSWERED, GOALS, REACHED, not_done
 from haptic_sim.scene.language import Task
 from haptic_sim.supervision.system import Order, Relay
 
@@ -25,39 +29,23 @@ def cause(answered=600, load=0.15, waited=0.0, sent=1000, seconds=1.0):
     return outcome.cause(SERVO, exchange, load, waited, seconds)
 
 
-def test_a_world_that_takes_longer_than_it_has_is_the_cause_and_it_is_said_what_it_takes():
+def test_the_cause_is_a_world_that_takes_more_than_its_share_of_a_period_or_else_a_machine_that_was_late():
     said = cause(load=1.52, waited=0.34)
-    assert said.startswith(
-        "the world is too dear: 600 of 1000 handle samples were answered and the world left out 0.34 s"
-    )
-    assert "a period of 1 ms takes it 1.52 ms" in said and said.endswith(CHEAPER)
-
-
-def test_a_machine_that_was_late_is_the_cause_where_the_world_has_time_and_it_is_said_how_late():
+    lack = "600 of 1000 handle samples were answered and the world left out 0.34 s"
+    assert said.startswith(f"the world is too dear: {lack}") and said.endswith(CHEAPER)
+    assert "a period of 1 ms takes it 1.52 ms" in said
     said = cause(load=0.15, waited=0.34)
-    assert said.startswith("the machine was late: 600 of 1000 handle samples were answered")
-    assert "a period of 1 ms takes it 0.15 ms" in said and said.endswith(QUIETER)
+    assert said.startswith(f"the machine was late: {lack}") and said.endswith(QUIETER)
     assert "the servo woke up 321 µs late (99 %; at most 4567) and missed 12 ticks, tool samples were 4.5 ms" in said
-
-
-@pytest.mark.parametrize(("load", "word"), [(SHARE, "the machine was late"), (SHARE + 1e-9, "the world is too dear")])
-def test_of_the_two_causes_the_world_is_it_above_its_share_of_the_period(load, word):
-    assert cause(load=load).startswith(word)
-
-
-@pytest.mark.parametrize(("answered", "told"), [(1000, False), (990, False), (989, True)])
-def test_less_than_99_percent_answered_is_worth_a_word(answered, told):
-    assert bool(cause(answered)) == told
-
-
-@pytest.mark.parametrize(("waited", "told"), [(None, False), (0.01, False), (0.011, True)])
-def test_so_is_more_than_1_percent_of_the_time_left_out_with_all_answered(waited, told):
-    assert bool(cause(1000, waited=waited)) == told
-
-
-def test_a_world_that_has_not_said_what_it_takes_is_not_blamed():
+    assert cause(load=SHARE).startswith("the machine was late")
+    assert cause(load=SHARE + 1e-9).startswith("the world is too dear")
     said = cause(load=math.nan)
     assert said.startswith("the machine was late") and "what it takes for a period is not known" in said
+
+
+def test_less_than_99_percent_answered_or_more_than_1_percent_of_the_time_left_out_is_worth_a_word():
+    assert [bool(cause(answered)) for answered in (1000, 990, 989)] == [False, False, True]
+    assert [bool(cause(1000, waited=waited)) for waited in (None, 0.01, 0.011)] == [False, False, True]
 
 
 @pytest.fixture
@@ -77,25 +65,13 @@ def slow(tmp_path, monkeypatch):
     return run
 
 
-def test_the_figures_of_a_run_have_the_cause_and_the_time_that_was_left_out(slow, capsys):
-    found = outcome.figures(slow((math.nan, 0.0), (1.5, 0.1), (1.7, 0.3)), 0.0)
-    assert found["exchange"]["answered"] < 0.6 * found["exchange"]["sent"] and found["simulation"]["waited_s"] == 0.3
-    assert (
-        found["exchange"]["cause"].startswith("the world is too dear")
-        and "takes it 1.6 ms" in found["exchange"]["cause"]
-    )
+def test_the_figures_of_a_run_have_the_cause_from_the_time_in_which_time_was_left_out(slow, capsys):
+    found = outcome.figures(slow((0.1, 0.0), (1.5, 0.1), (1.7, 0.3), (0.1, 0.3)), 0.0)
+    exchange = found["exchange"]
+    assert exchange["answered"] < 0.6 * exchange["sent"] and found["simulation"]["waited_s"] == 0.3
+    assert exchange["cause"].startswith("the world is too dear") and "takes it 1.6 ms" in exchange["cause"]
     tables.print_outcome({"scene": "wall", "done": True, "why": "", **found, "bag": None, "report": None})
-    assert found["exchange"]["cause"] in capsys.readouterr().out.splitlines()
-
-
-def test_what_the_world_takes_is_that_of_the_time_in_which_it_left_time_out(slow):
-    recording = slow((0.1, 0.0), (0.1, 0.0), (1.5, 0.3), (0.1, 0.3), (0.1, 0.3))
-    assert outcome.figures(recording, 0.0)["exchange"]["cause"].startswith("the world is too dear")
-
-
-def test_behind_a_network_that_loses_samples_nobody_else_is_to_blame(slow):
-    recording = slow((1.5, 0.3))
-    assert outcome.figures(recording, 0.0, lossy=True)["exchange"]["cause"] == ""
+    assert exchange["cause"] in capsys.readouterr().out.splitlines()
 
 
 @pytest.mark.parametrize(
@@ -111,16 +87,6 @@ def test_a_relay_that_loses_or_mixes_up_is_the_network_s_cause(slow, monkeypatch
     assert bool(found["exchange"]["cause"]) != lossy
 
 
-def test_the_demo_says_the_cause_in_one_line_and_its_object_has_it(capsys, tmp_path):
-    said = cause(load=1.52, waited=0.34)
-    found = {"exchange": {"sent": 1000, "answered": 950, "cause": said}}
-    order = Order("free_space", None, tmp_path, None, None, tmp_path)
-    assert demo._conclude(order, found, "", [], True)
-    printed = capsys.readouterr()
-    assert printed.err.splitlines() == [f"haptic demo: {said}"]
-    assert json.loads(printed.out)["exchange"]["cause"] == said
-
-
 def test_the_report_says_how_long_the_world_waited_or_that_it_was_not_said(tmp_path, monkeypatch):
     told = "time that the world left out"
     bag = write_run(tmp_path / "old", swing(2000))
@@ -129,15 +95,11 @@ def test_the_report_says_how_long_the_world_waited_or_that_it_was_not_said(tmp_p
     assert sections(read_run(write_run(tmp_path / "new", swing(2000))))["Exchange"][told] == "340 ms"
 
 
-@pytest.mark.parametrize(
-    ("late", "margin", "words"), [(10, "-1.0", ()), (11, "0.5", ("1 %",)), (500, "-1.5", ("50 %", "1.5 N s/m"))]
-)
-def test_samples_that_come_late_are_said_beyond_one_in_a_hundred(late, margin, words):
-    said = outcome.late(
-        {"late_device": late, "ticks": 1000}, {"passivity_margin": margin, "lateness_counted_us": "2000"}
-    )
-    assert bool(said) == bool(words) and all(word in said for word in words)
-    assert ("2 ms" in said) == (margin == "-1.5")
+def test_samples_that_come_late_are_said_beyond_one_in_a_hundred():
+    for late, margin, words in ((10, "-1.0", ()), (11, "0.5", ("1 %",)), (500, "-1.5", ("50 %", "1.5 N s/m", "2 ms"))):
+        told = {"passivity_margin": margin, "lateness_counted_us": "2000"}
+        said = outcome.late({"late_device": late, "ticks": 1000}, told)
+        assert bool(said) == bool(words) and all(word in said for word in words)
 
 
 @pytest.mark.parametrize(
@@ -156,9 +118,52 @@ def test_a_task_is_done_where_its_best_reaches_what_it_asks_for(greatest, felt, 
     assert outcome.task_of(None, found) is None and outcome.task_of(task, outcome.nothing()) is None
 
 
-def test_a_run_whose_task_is_not_done_is_not_called_done(capsys, tmp_path):
-    found = {"exchange": {"sent": 10, "answered": 10, "cause": ""}, "result_greatest": {"turned": 0.1}}
-    order = Order("wrench_on_nut", None, tmp_path, None, None, tmp_path)
-    assert demo._conclude(order, found, "", [], False)
-    said = capsys.readouterr().out
-    assert "the run is complete, the task is not done" in said and "turned came to 0.1; 0.95 is needed" in said
+def ended(faults=(), result=None, sent=1000, answered=1000) -> dict:
+    """The figures of a run."""
+    exchange = {"sent": sent, "answered": answered}
+    return {**outcome.nothing(), "faults": list(faults), "result": result or {}, "exchange": exchange}
+
+
+def test_a_goal_is_reached_just_above_the_bound_and_not_just_below_and_every_one_that_was_missed_is_said():
+    stood = "the motion did not end, and no news for 90 s"
+    for goal in GOALS:
+        assert (
+            not_done(ended(result={goal: REACHED}, answered=1)) == not_done(ended(result={goal: REACHED}), stood) == ""
+        )
+        short = f"{goal} came to 0.94, and {REACHED:g} is the least"
+        assert not_done(ended(result={goal: 0.94}), stood) == f"{stood}; {short}"
+        assert not_done(ended(result={goal: REACHED - 1e-9}))
+    missed = [f"{goal} came to 0, and {REACHED:g} is the least" for goal in GOALS]
+    assert not_done(ended(result=dict.fromkeys(GOALS, 0.0))) == "; ".join(missed)
+
+
+def test_another_scene_is_done_if_it_ended_and_was_answered_and_behind_a_relay_one_answer_is_enough():
+    least = int(ANSWERED * 1000)
+    lack = "{} of 1000 handle samples were answered, and {} are the least".format
+    assert not_done(ended(answered=least)) == "" and not_done(ended(answered=least - 1)) == lack(least - 1, least)
+    assert not_done(ended(), "the motion did not end") == "the motion did not end"
+    assert not_done(ended(answered=1), share=0.0) == "" and not_done(ended(answered=0), share=0.0) == lack(0, 1)
+    assert not_done(outcome.nothing()) == "the run left no figures"
+
+
+def test_nothing_is_done_with_a_fault_whose_cause_and_next_step_are_said():
+    for entry in TABLE:
+        said = not_done(ended(faults=[entry.name], result={"insertion_fraction": 1.0}))
+        assert said.startswith(f"{entry.title} (fault {entry.name}): {entry.cause}. ")
+        assert said.lower().endswith(f"{entry.first.lower()}{', then ' if entry.first else ''}start again.")
+    died = "haptic_simulation was ended by SIGKILL (signal 9)"
+    assert not_done(outcome.nothing() | {"faults": [died]}) == died
+
+
+def test_haptic_status_tells_a_fault_in_its_words_and_what_else_a_node_says_as_it_is():
+    def shown(**values):
+        said = {"haptic_driver": Status(0, 2, "its own words", values)}
+        node = SimpleNamespace(get_namespace=lambda: "/haptic")
+        client = SimpleNamespace(statuses=said, heard={"haptic_driver": time.monotonic()}, node=node)
+        return newest(client)["haptic_driver"]["message"]
+
+    for entry in TABLE:
+        told = shown(fault=entry.name, fault_detail="1 m")
+        assert told.startswith(f"{entry.title} (fault {entry.name}): {entry.cause}; 1 m. ")
+        assert told.lower().endswith("press r and e in haptic status.") and "~/" not in told
+    assert shown(fault="") == shown(fault="of a newer driver") == shown() == "its own words"

@@ -14,6 +14,7 @@ from haptic_sim.viewer.trouble import Trouble
 
 DRIVER, SIMULATION, RECORDER = "haptic_driver", "haptic_simulation", "haptic_recorder"
 FAULT = Trouble("Handle too fast", "…", "…", "Reset and engage", fault="velocity")
+AIM = ("aim", {"x": 0.13, "y": 0.0, "theta": 0.0})
 ENDED = Trouble("The simulation has ended", "…", "", "Start the simulation again", (SIMULATION,))
 
 
@@ -96,7 +97,7 @@ def no_time(monkeypatch):
 def test_a_fault_is_cleared_and_the_display_engaged_where_the_handle_is():
     display = Display()
     assert display.mend(FAULT) == "engaged"
-    assert display.done == [("aim", {"x": 0.13, "y": 0.0, "theta": 0.0}), "reset", "enable", "let go"]
+    assert display.done == [AIM, "reset", "enable", "let go"]
     assert not display.held_off
 
 
@@ -127,49 +128,32 @@ def test_a_simulation_is_started_again_and_begins_its_scene_again():
     assert display.done[2:] == ["reset", "start of the scene", "enable", "let go"]
 
 
-@pytest.mark.parametrize(
-    ("why", "is_so"),
-    [("a page stopped it", {"held_off": True}), ("it was off", {"drove": False}), ("an e-stop", {"fault": "estop"})],
-)
-def test_nodes_that_are_started_again_overrule_nobody_who_wants_the_motor_off(why, is_so):
-    display = Display(fault="")
-    vars(display).update({"held_off": False} | is_so)
-    assert display.mend(ENDED) == "the simulation runs again"
-    assert display.done == [(SIMULATION,)], why
+def test_nodes_that_are_started_again_overrule_nobody_who_wants_the_motor_off():
+    for wants in ({"held_off": True}, {"drove": False}, {"fault": "estop"}, {}):
+        display = Display(fault="", stop=None if wants else (SIMULATION,))  # before, or while they start
+        vars(display).update({"held_off": False} | wants)
+        assert display.mend(ENDED) == "the simulation runs again"
+        assert display.done == [(SIMULATION,)]
 
 
-@pytest.mark.parametrize(
-    "stop", [("aim", {"x": 0.13, "y": 0.0, "theta": 0.0}), "reset", "enable", "start of the scene"]
-)
+@pytest.mark.parametrize("stop", [AIM, "reset", "enable", "start of the scene"])
 def test_a_stop_wins_whenever_it_comes_and_nothing_is_ordered_after_it(stop):
     display = Display(engages=3, stop=stop)
     with pytest.raises(ValueError, match="the display has been stopped"):
         display.mend(FAULT)
     assert display.done[-2:] == [stop, "let go"] and display.held_off
-
-
-@pytest.mark.parametrize(
-    "stop", [(SIMULATION,), ("aim", {"x": 0.13, "y": 0.0, "theta": 0.0}), "reset", "start of the scene"]
-)
-def test_a_stop_while_nodes_are_started_again_wins(stop):
-    display = Display(engages=2, stop=stop, fault="")
+    display = Display(engages=3, stop=stop, fault="")  # also while nodes are started again
     display.held_off = False
-    if stop == (SIMULATION,):
-        assert display.mend(ENDED) == "the simulation runs again"
-    else:
-        with pytest.raises(ValueError, match="the display has been stopped"):
-            display.mend(ENDED)
-    assert "enable" not in display.done and display.held_off
+    with pytest.raises(ValueError, match="the display has been stopped"):
+        display.mend(ENDED)
+    assert display.done[-2:] == [stop, "let go"] and display.held_off
 
 
-def test_a_fault_that_came_meanwhile_is_not_cleared():
+def test_a_fault_that_came_meanwhile_is_not_cleared_and_one_that_enabling_brings_leads_the_hand_nowhere():
     display = Display(fault="estop")
     with pytest.raises(ValueError, match="fault estop is latched; call ~/reset first"):
         display.mend(FAULT)
     assert "reset" not in display.done
-
-
-def test_a_display_that_has_a_fault_as_soon_as_it_is_enabled_keeps_it_and_the_hand_goes_nowhere():
     display, order = Display(engages=2), Display.order
 
     async def falls(service):
@@ -201,20 +185,9 @@ def test_who_comes_second_waits():
     assert display.done == [] and display.doing == ""
 
 
-def test_a_recorder_is_started_again_and_the_motor_left_alone():
-    display = Display()
-    assert display.mend(Trouble("The recorder has ended", "…", "", "…", (RECORDER,))) == "the recorder runs again"
-    assert [order for order in display.done if isinstance(order, str)] == []
-
-
 def test_a_node_that_says_nothing_after_its_start_and_one_of_somebody_else_are_answered_so():
     ended = Trouble("The simulation has ended", "…", "", "…", (SIMULATION,))
     with pytest.raises(ValueError, match="the simulation was started, and says nothing yet: wait, and press again"):
         Display(appears=False).mend(ended)
     with pytest.raises(ValueError, match="not the page's to start"):
         Display(nodes=False).mend(ended)
-
-
-def test_without_a_trouble_nothing_is_done():
-    display = Display()
-    assert display.mend(None) == "nothing is wrong" and display.done == []
