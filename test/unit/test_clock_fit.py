@@ -25,6 +25,10 @@ class Clock:
         came = host + there
         return clock_fit.answer(self.fit, host, self.at(came), self.at(came + thinks), came + thinks + back)
 
+    def answers(self, questions, there, back):
+        """What becomes of answers to questions at these times."""
+        return [self.ask(host, there, back) for host in questions]
+
     def wrong_by(self, host):
         return abs(clock_fit.to_device(self.fit, host) - self.at(host))
 
@@ -41,19 +45,17 @@ def jittering(seed):
     return lambda: int(20_000 + 9000 * np.exp(1.3 * random.standard_normal()))
 
 
-@pytest.mark.parametrize("skew", [0.0, 30e-6, -30e-6, 200e-6, -200e-6])
-@pytest.mark.parametrize("ahead", [0, -3 * SECOND, 10**18, -(10**18)])
+@pytest.mark.parametrize("ahead, skew", [(0, 0.0), (-3 * SECOND, 30e-6), (10**18, -200e-6), (-(10**18), 200e-6)])
 def test_equal_ways_give_offset_and_skew(ahead, skew):
     clock = Clock(ahead, skew)
-    for host in questions(3.0):
-        assert clock.ask(host, 30_000, 30_000) == clock_fit.TAKEN
+    assert set(clock.answers(questions(3.0), 30_000, 30_000)) == {clock_fit.TAKEN}
     now = BEGIN + 3 * SECOND
     assert clock.wrong_by(now) <= 200
     assert clock_fit.skew(clock.fit) == pytest.approx(skew, abs=0.1e-6)
     assert clock_fit.error(clock.fit) <= 35_000
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_jitter_leaves_less_than_ten_microseconds_in_99_of_100(seed):
     clock, way = Clock(7 * SECOND, 30e-6), jittering(seed)
     wrong = []
@@ -67,8 +69,7 @@ def test_jitter_leaves_less_than_ten_microseconds_in_99_of_100(seed):
 
 def test_a_way_that_is_longer_by_itself_is_wrong_by_no_more_than_the_error():
     clock = Clock()
-    for host in questions(2.0):
-        clock.ask(host, 10_000, 90_000)
+    clock.answers(questions(2.0), 10_000, 90_000)
     assert clock.wrong_by(BEGIN + 2 * SECOND) == pytest.approx(40_000, abs=100)
     assert clock_fit.error(clock.fit) >= 40_000
 
@@ -76,17 +77,15 @@ def test_a_way_that_is_longer_by_itself_is_wrong_by_no_more_than_the_error():
 def test_late_answers_are_left_out_and_those_up_to_twice_the_least_are_not():
     for round_trip, taken in ((2 * 61_000, clock_fit.TAKEN), (2 * 63_000, clock_fit.LEFT_OUT)):
         clock = Clock()
-        for host in questions(0.2):
-            clock.ask(host, 30_000, 30_000)
+        clock.answers(questions(0.2), 30_000, 30_000)
         assert clock.ask(BEGIN + 200 * MS, 30_000, round_trip - 30_000) == taken
 
 
 def test_a_line_that_has_become_slower_is_taken_in_the_end():
     clock = Clock(0, 30e-6)
-    for host in questions(2.0):
-        clock.ask(host, 30_000, 30_000)
+    clock.answers(questions(2.0), 30_000, 30_000)
     later = questions(6.0, BEGIN + 2 * SECOND)
-    took = [clock.ask(host, 300_000, 300_000) for host in later]
+    took = clock.answers(later, 300_000, 300_000)
     assert took[0] == clock_fit.LEFT_OUT and took[-1] == clock_fit.TAKEN
     assert clock.wrong_by(later[-1]) <= 1000
 
@@ -113,8 +112,7 @@ def test_a_step_is_found_within_a_few_answers_and_counted_once(step):
 
 def test_while_answers_contradict_the_fit_the_error_says_by_how_much():
     clock = Clock()
-    for host in questions(1.0):
-        clock.ask(host, 30_000, 30_000)
+    clock.answers(questions(1.0), 30_000, 30_000)
     assert clock_fit.error(clock.fit) < 50_000
     clock.ahead += 200_000
     clock.ask(BEGIN + SECOND, 30_000, 30_000)
@@ -139,11 +137,9 @@ def test_answers_that_took_longer_on_one_way_count_less():
 
 def test_what_was_long_ago_is_forgotten():
     clock = Clock()
-    for host in questions(5.0):
-        clock.ask(host, 10_000, 50_000)
+    clock.answers(questions(5.0), 10_000, 50_000)
     clock.ahead, clock.skew = -round(20e-6 * 5 * SECOND), 20e-6  # warmer from here on
-    for host in questions(12.0, BEGIN + 5 * SECOND):
-        clock.ask(host, 30_000, 30_000)
+    clock.answers(questions(12.0, BEGIN + 5 * SECOND), 30_000, 30_000)
     assert clock.wrong_by(BEGIN + 17 * SECOND) <= 1000
     assert clock_fit.skew(clock.fit) == pytest.approx(20e-6, abs=0.3e-6)
     assert clock_fit.error(clock.fit) <= 32_000  # half of the least round trip, and little more
@@ -153,8 +149,7 @@ def test_a_year_in_one_session_leaves_times_as_they_are():
     clock = Clock(10**18)
     clock.ask(BEGIN, 30_000, 30_000)
     year = 365 * 86_400 * SECOND
-    for host in questions(1.0, BEGIN + year):
-        clock.ask(host, 30_000, 30_000)
+    clock.answers(questions(1.0, BEGIN + year), 30_000, 30_000)
     assert clock.wrong_by(BEGIN + year + SECOND) <= 200
 
 
@@ -182,8 +177,7 @@ def test_answers_that_cannot_be_are_refused():
 
 def test_a_fit_that_is_restarted_keeps_only_its_steps():
     clock = Clock()
-    for host in questions(0.5):
-        clock.ask(host, 30_000, 30_000)
+    clock.answers(questions(0.5), 30_000, 30_000)
     clock.fit[clock_fit.STEPS] = 3
     clock_fit.restart(clock.fit)
     assert clock.fit[clock_fit.STEPS] == 3 and clock.fit.sum() == 3
