@@ -1,4 +1,4 @@
-# make setup | demo | check | test | clean. demo and test run setup themselves; it is quick when nothing has changed.
+# make help names the targets. They run setup themselves; it is quick when nothing has changed.
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
@@ -14,13 +14,15 @@ unexport PYTHONPATH PYTHONHOME LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTAT
 # Each of the many processes would read all sources again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup check demo test soak bench published test-browser docs site clean
+.PHONY: help setup check demo test test-live test-browser docs-check soak bench published docs site clean
 
 help:
 	@echo "make setup   create .venv with everything (no root needed)"
 	@echo "make demo    peg into hole through three live nodes; options: make demo ARGS='--seconds 20'"
 	@echo "make check   lint, types, import contracts, and all tests that need no live node"
-	@echo "make test    make check, and the tests of live nodes"
+	@echo "make test    make check, and what each node has to do: start, exchange, record, stop; no time is judged"
+	@echo "make test-live      all other tests of live nodes; those that judge time only where haptic doctor finds no fault"
+	@echo "make docs-check     documents, pictures and published results against the code; the tutorials, block by block"
 	@echo "make soak    what takes long or breaks things on purpose: CONTRIBUTING.md lists it"
 	@echo "make bench   measurements in their short form, and the table of docs/benchmarks/performance.md made of them"
 	@echo "make published   results of others beside ours; fails if one is out of its tolerance"
@@ -69,7 +71,14 @@ check: setup
 	$(BIN)/python -m pytest test/unit -n 2 --dist worksteal
 
 test: check
-	$(BIN)/python -m pytest test/live -n 2 --dist loadfile --no-loadscope-reorder  # modules that share nodes run one after the other
+	$(BIN)/python -m pytest test/live/smoke
+
+test-live: setup
+	$(BIN)/python -m pytest test/live --ignore test/live/smoke
+
+docs-check: setup
+	$(BIN)/python -m pytest test/docs
+	$(BIN)/python -m bench published
 
 soak: setup
 	$(BIN)/python -m pytest test/soak test/adversary test/fault_injection

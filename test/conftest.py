@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What every test may rely on: an own ROS domain on this machine only, and processes that end with the test."""
 
+import functools
 import gc
 import os
 import signal
@@ -12,6 +13,8 @@ import waiting
 
 from haptic_device.jit import ensure_compiled
 from haptic_device.process import ending_with_us
+from haptic_device.realtime import machine
+from haptic_device.realtime.servo_thread import PRIORITY
 from haptic_sim.supervision.domain import isolated_domain
 
 # Read when numpy is first imported: its matrices here are small, and on a busy machine threads wait for one another.
@@ -30,6 +33,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 LAST_LINES = []
 MANY = 500  # tests before which everything is compiled
+KEEPS_TIME = "real-time priority", "cores"  # checks of `haptic doctor`
 
 
 def pytest_configure(config):
@@ -49,6 +53,20 @@ def pytest_runtestloop(session):
         from haptic_sim.kernels import ENTRIES
 
         ensure_compiled(*ENTRIES)
+
+
+@functools.cache
+def lacking():
+    """{check: what `haptic doctor` says of it} of those that do not come out well on this machine."""
+    return {one.name: f"{one.name}: {one.found}; {one.advice}" for one in machine.checks(PRIORITY) if not one.good}
+
+
+def pytest_runtest_setup(item):
+    """What judges time, by the mark `realtime`, is skipped where this machine cannot keep it: where one of the checks
+    that the mark names, or one of KEEPS_TIME, is not well."""
+    for mark in item.iter_markers("realtime"):
+        if found := [lacking()[name] for name in mark.args or KEEPS_TIME if name in lacking()]:
+            pytest.skip(found[0])
 
 
 def pytest_terminal_summary(terminalreporter):

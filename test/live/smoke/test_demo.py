@@ -40,8 +40,8 @@ def test_the_peg_goes_into_the_hole_every_figure_is_reported_and_no_node_compile
     # by cause, and what is withheld on a busy machine is not known
     causes = {f"withheld_s.{cause.name}" for cause in withheld.TABLE}
     assert flat(found) - causes == documented() - {"withheld_s.CAUSE"} and isinstance(found["withheld_s"], dict)
-    assert found["simulation"].pop("waited_s") >= 0.0  # what a busy machine leaves out is not known
-    assert found["simulation"] == {"method": "impulse", "why": reduce_scene(language.load("peg_in_hole")).reasons[0]}
+    reduced = reduce_scene(language.load("peg_in_hole"))
+    assert [found["simulation"][name] for name in ("method", "why")] == ["impulse", reduced.reasons[0]]
     assert found["exchange"]["sent"] >= found["exchange"]["answered"] > 0
     assert found["energy_j"]["given_to_operator_end"] < 0.0  # by the truth: who pushed the peg has worked
     assert found["contact"]["max_force_n"] > 0.0
