@@ -5,7 +5,6 @@ import io
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
 from lockstep_systems import device, values
 from rich.console import Console
 
@@ -63,34 +62,27 @@ class Node:
         return self.said
 
 
-@pytest.mark.parametrize("cause", withheld.TABLE, ids=lambda cause: cause.name)
-def test_a_cause_is_told_once_it_has_lasted_with_its_word_and_cure_and_no_longer_after_it(cause):
-    node = Node()
-    assert node.run(LASTS - 0.01, withheld=cause.bit)[:2] == ("ok", "engaged")
-    level, message, told = node.run(0.02, withheld=cause.bit)
-    assert level == "warn" and message.startswith(f"force withheld for 0.2 s ({cause.name}): {cause.cause}; ")
-    assert message.endswith(cause.cure) and (told["withheld"], told["withheld_s"]) == (cause.name, "0.2")
-    level, message, told = node.run(0.05)
-    assert (level, message, told["withheld"], told["withheld_s"]) == ("ok", "engaged", "", "0.0")
+def test_a_cause_is_told_once_it_has_lasted_with_its_word_and_cure_and_no_longer_after_it():
+    for cause in withheld.TABLE:
+        node = Node()
+        assert node.run(LASTS - 0.01, withheld=cause.bit)[:2] == ("ok", "engaged")
+        level, message, told = node.run(0.02, withheld=cause.bit)
+        assert level == "warn" and message.startswith(f"force withheld for 0.2 s ({cause.name}): {cause.cause}; ")
+        assert message.endswith(cause.cure) and (told["withheld"], told["withheld_s"]) == (cause.name, "0.2")
+        level, message, told = node.run(0.05)
+        assert (level, message, told["withheld"], told["withheld_s"]) == ("ok", "engaged", "", "0.0")
 
 
-def test_a_tool_that_came_back_5_mm_away_is_blamed_on_its_distance_not_on_its_age():
-    _, message, _ = Node().run(
-        0.3, withheld=withheld.FAR_TOOL, tool_age=0.002, exchange_fade=0.0, tool_position=(0.003, 0.004, 0.0)
-    )
+def test_the_reason_of_each_cause_is_told_in_its_numbers_and_shown_by_haptic_status():
+    place = {"tool_age": 0.002, "exchange_fade": 0.0, "tool_position": (0.003, 0.004, 0.0)}
+    _, message, _ = Node().run(0.3, withheld=withheld.FAR_TOOL, **place)
     assert "it is 5 mm from the handle; lead the handle to the tool, or call ~/disable and ~/enable" in message
     assert "old" not in message
-
-
-def test_an_empty_tank_is_told_with_what_is_in_it_and_how_far_the_coupling_is_stretched():
     _, message, _ = Node().run(0.3, withheld=withheld.TANK, exchange_tank=2e-5, tool_position=(0.07, 0.0, 0.2))
     assert "0.02 mJ are in it, the tool is 70 mm and 11.5° from the handle" in message
-
-
-def test_the_status_in_the_terminal_shows_the_sentence_in_the_drivers_row():
     level, message, told = Node().run(0.3, withheld=withheld.OLD_TOOL, tool_age=0.15, exchange_fade=0.36)
-    entry = {"level": LEVELS.index(level.upper()), "message": message, "values": told}
     console = Console(width=400, record=True, file=io.StringIO())
+    entry = {"level": LEVELS.index(level.upper()), "message": message, "values": told}
     console.print(table({"haptic_driver": entry}, 7))
     [shown] = [line for line in console.export_text().splitlines() if "haptic_driver" in line]
     assert "WARN" in shown and "the newest is 150 ms old, 36 % of the coupling is there" in shown
