@@ -23,7 +23,6 @@ from haptic_sim.film.clock import MOST, Clock
 from haptic_sim.film.gif import PERIOD, SECONDS, pictures_of
 from haptic_sim.film.page import page_of
 from haptic_sim.film.reading import film_of
-from haptic_sim.film.write import write_film
 
 TICKS = 6000  # 1.5 s
 HOSTILE = "</script><img src=x onerror=alert(1)>"
@@ -49,11 +48,8 @@ def unpacked(column, step):
     return step * np.cumsum(column)
 
 
-def test_a_second_of_a_recording_is_sixty_pictures(film):
+def test_a_second_of_a_recording_is_sixty_pictures_and_what_is_longer_than_ten_minutes_has_fewer(film):
     assert film.rate == 60.0 and film.pictures == 90
-
-
-def test_what_is_longer_than_ten_minutes_has_fewer_pictures_a_second():
     assert len(Clock(0.0, 599.0).times) == 599 * 60 + 1
     assert len(Clock(-1.0, 5999.0).times) == MOST + 1
 
@@ -61,11 +57,8 @@ def test_what_is_longer_than_ten_minutes_has_fewer_pictures_a_second():
 def test_handle_tool_and_moving_bodies_are_where_the_simulation_showed_them(film):
     time = film.begin + np.arange(film.pictures) / film.rate
     swung, late = 0.01 * np.sin(20 * time), 0.2 * EVERY * 0.25e-3
-    for name, (x, y, angle) in {
-        "handle": (0.0, 0.0, 0.0),
-        "tool": (0.0, 0.001, 0.0),
-        "block": (0.03, 0.0, 0.5),
-    }.items():
+    starts = {"handle": (0.0, 0.0, 0.0), "tool": (0.0, 0.001, 0.0), "block": (0.03, 0.0, 0.5)}
+    for name, (x, y, angle) in starts.items():
         assert np.abs(film.places[name][:, 0] - swung - x).max() < late
         assert np.ptp(film.places[name][:, 1:] - (y, angle)) == pytest.approx(0.0)
     assert "floor" not in film.places
@@ -89,11 +82,12 @@ def test_force_stretch_energy_and_age_are_those_of_the_bag(film):
     assert film.curves["supplied"][-1] == pytest.approx(2 * TICKS / EVERY, rel=0.02)
 
 
-def test_contacts_are_in_the_pictures_in_which_they_were(film):
+def test_contacts_and_marks_are_in_the_pictures_in_which_they_were(film):
     pictures = {picture for picture, *_ in film.contacts}
     assert set(range(31, 36)) <= pictures <= set(range(30, 37)), "from 0.5 s to 0.6 s"
     assert film.contacts[0][2:] == pytest.approx((-0.004, 0.0, 1.5))
     assert film.first_contact == pytest.approx(0.5, abs=1e-3)
+    assert [(round(at, 3), text) for at, text in film.marks] == [(0.25, "here"), (1.0, HOSTILE)]
 
 
 def test_what_the_scene_showed_before_the_first_tick_is_in_the_film(tmp_path):
@@ -107,32 +101,28 @@ def test_what_the_scene_showed_before_the_first_tick_is_in_the_film(tmp_path):
     assert np.isnan(film.curves["motor"][:25]).all() and np.isfinite(film.curves["motor"][35:]).all()
 
 
-def test_marks_have_the_times_of_the_report(film):
-    assert [(round(at, 3), text) for at, text in film.marks] == [(0.25, "here"), (1.0, HOSTILE)]
-
-
-def test_a_bag_without_a_scene_shows_handle_and_force_and_says_what_is_missing(tmp_path):
-    film = film_of(read_run(write_run(tmp_path / "driver", rows_of(2000))))
+def test_what_a_bag_lacks_is_said_and_the_rest_is_shown(tmp_path):
+    rows = rows_of(2000)
+    film = film_of(read_run(write_run(tmp_path / "driver", rows)))
     assert film.scene is None and film.notes[0].startswith("the scene was not recorded")
     assert np.ptp(film.places["handle"][:, 0]) > 0.01 and np.isfinite(film.curves["motor"]).all()
     assert "scene was not recorded" in page_of([film])
-
-
-def test_a_scene_that_nothing_describes_is_said_to_be_missing(tmp_path):
-    film = film_of(read_run(film_bag(tmp_path / "bare", rows_of(2000), scene=None)))
-    assert film.scene is None and "does not describe the scene" in film.notes[0]
-
-
-def test_a_bag_without_a_trace_is_shown_by_its_topics(tmp_path):
-    rows = rows_of(2000)
-    film = film_of(read_run(film_bag(tmp_path / "run", rows)))
-    bare = film_bag(tmp_path / "bare", rows)
-    file = next(bare.glob("*.mcap"))
+    undescribed = film_of(read_run(film_bag(tmp_path / "undescribed", rows, scene=None)))
+    assert undescribed.scene is None and "does not describe the scene" in undescribed.notes[0]
+    file = next(film_bag(tmp_path / "bare", rows).glob("*.mcap"))
     messages, attachments = records_of(file)
     write(file, [one for one in messages if one[1].topic != "/haptic/trace"], attachments)
-    topics = film_of(read_run(bare))
+    topics = film_of(read_run(tmp_path / "bare"))
     assert np.isfinite(topics.places["tool"]).all() and topics.pictures == pytest.approx(film.pictures, abs=2)
     assert any("no trace" in note for note in topics.notes)
+
+
+def test_a_bag_that_is_cut_off_is_shown_as_far_as_it_goes_and_says_so(bag, tmp_path):
+    [file] = bag.glob("*.mcap")
+    data = file.read_bytes()
+    (tmp_path / "short_0.mcap").write_bytes(data[: len(data) * 2 // 3])
+    film = film_of(read_run(tmp_path))
+    assert 1 < film.pictures < 90 and film.notes
 
 
 def test_the_page_has_every_number_to_the_step_that_it_says(film):
@@ -142,11 +132,6 @@ def test_the_page_has_every_number_to_the_step_that_it_says(film):
     assert unpacked(shown["places"]["block"][2], 1e-4) == pytest.approx(0.5)
     assert np.abs(unpacked(shown["force"][0], 1e-2) - film.force[:, 0]).max() <= 0.5e-2 + 1e-9
     assert len(angle) == film.pictures
-
-
-def test_numbers_that_nobody_knows_are_no_zeros():
-    assert pages._packed(np.array([np.nan, 2.0, np.nan, 5.0])) == [None, 2, None, 3]
-    assert pages._packed(np.array([np.nan, np.nan])) == [None]
 
 
 @given(st.lists(st.one_of(st.just(math.nan), st.integers(-(10**9), 10**9).map(float)), min_size=1, max_size=30))
@@ -208,21 +193,18 @@ def test_a_hostile_scene_stays_text(tmp_path):
     assert told(text)[0]["scene"]["name"] == HOSTILE
 
 
-def test_a_line_of_a_module_that_cannot_be_inlined_is_refused(monkeypatch):
-    monkeypatch.setattr(pages, "_text", lambda name: 'import * as pen from "./pen.js";\n')
-    with pytest.raises(ValueError, match=r"film.js: a film cannot take the line 'import \* as pen"):
-        list(pages._modules("film.js", set()))
-
-
-def test_each_module_is_there_once_behind_what_it_imports(monkeypatch):
+def test_each_module_is_there_once_behind_what_it_imports_and_no_line_is_taken_that_cannot_be_inlined(monkeypatch):
     texts = {
         "a.js": 'import { b } from "./b.js";\nimport { c } from "./c.js";\nb(c);\n',
         "b.js": 'import { c } from "./c.js";\nexport function b() {}\n',
         "c.js": "export const c = 1;\n",
+        "film.js": 'import * as pen from "./pen.js";\n',
     }
     monkeypatch.setattr(pages, "_text", texts.__getitem__)
     heads = [part.splitlines()[0] for part in pages._modules("a.js", set())]
     assert heads == ["const { c } = (() => {", "const { b } = (() => {", "const {  } = (() => {"]
+    with pytest.raises(ValueError, match=r"film.js: a film cannot take the line 'import \* as pen"):
+        list(pages._modules("film.js", set()))
 
 
 @pytest.mark.parametrize("seconds, wanted", [(1.0, 13), (5.76, 72), (60.0, 72)])
@@ -232,45 +214,28 @@ def test_the_gif_has_at_most_six_seconds_in_real_time(film, seconds, wanted):
     chosen = pictures_of(long)
     assert len(chosen) == wanted and chosen[-1] < count and PERIOD * len(chosen) <= SECONDS + 1e-9 <= 6.0
     assert set(np.diff(chosen)) <= {4, 5, 6}
+    late = long._replace(first_contact=seconds / 2.0)
+    assert pictures_of(late)[0] == (29 * 60 if seconds == 60.0 else 0), "a second before the first contact"
 
 
-def test_the_gif_of_a_long_film_begins_a_second_before_the_first_contact(film):
-    long = film._replace(coupled=np.ones(3600, bool), first_contact=30.0)
-    assert pictures_of(long)[0] == 29 * 60
-
-
-def test_the_gif_moves_and_is_small(bag, tmp_path):
-    page, gif = write_film([read_run(bag)], tmp_path)
-    with Image.open(gif) as picture:
-        assert picture.n_frames == len(pictures_of(film_of(read_run(bag))))
-        assert {picture.info["duration"] for n in range(picture.n_frames) if picture.seek(n) is None} == {80}
-        assert picture.info.get("loop") == 0
-    assert page.name == "film.html" and gif.stat().st_size < 3e6
-
-
-def test_the_command_names_what_it_wrote(bag, tmp_path):
+def test_the_command_names_what_it_wrote_and_the_gif_moves_and_is_small(bag, film, tmp_path):
     done = haptic("report", bag, "--film", "--out", tmp_path / "out")
     assert done.returncode == 0
     names = [line.rpartition("/")[2] for line in done.stdout.splitlines()]
-    assert names == ["report.html", "film.html", "film.gif"]
-    assert all((tmp_path / "out" / name).is_file() for name in names) and "2/2 done" in done.stderr
+    assert names == ["report.html", "film.html", "film.gif"] and "2/2 done" in done.stderr
+    assert all((tmp_path / "out" / name).stat().st_size > 0 for name in names)
+    gif = tmp_path / "out" / "film.gif"
+    with Image.open(gif) as picture:
+        assert picture.n_frames == len(pictures_of(film)) and picture.info.get("loop") == 0
+        assert {picture.info["duration"] for n in range(picture.n_frames) if picture.seek(n) is None} == {80}
+    assert gif.stat().st_size < 3e6
 
 
-@pytest.mark.parametrize("kind", ("no bag", "empty", "three"))
-def test_what_cannot_be_filmed_is_refused_in_one_sentence(kind, bag, tmp_path):
-    (tmp_path / "empty").mkdir()
-    given = {"no bag": [tmp_path / "none"], "empty": [tmp_path / "empty"], "three": [bag, bag, bag]}[kind]
-    said = {"no bag": "does not exist", "empty": "holds no .mcap file", "three": "--film shows at most 2"}[kind]
+@pytest.mark.parametrize(
+    ("bags", "said"), [("none", "does not exist"), (".", "holds no .mcap file"), ("bag bag bag", "shows at most 2")]
+)
+def test_what_cannot_be_filmed_is_refused_in_one_sentence(bags, said, bag, tmp_path):
+    given = [bag if name == "bag" else tmp_path / name for name in bags.split()]
     done = haptic("report", *given, "--film", "--out", tmp_path / "out")
     assert done.returncode == 1 and said in done.stderr and len(done.stderr.splitlines()) == 1
     assert not (tmp_path / "out").exists()
-
-
-def test_a_bag_that_is_cut_off_is_shown_as_far_as_it_goes_and_says_so(bag, tmp_path):
-    short = tmp_path / "short"
-    short.mkdir()
-    [file] = bag.glob("*.mcap")
-    data = file.read_bytes()
-    (short / "short_0.mcap").write_bytes(data[: len(data) * 2 // 3])
-    film = film_of(read_run(short))
-    assert 1 < film.pictures < 90 and film.notes

@@ -70,32 +70,22 @@ def test_the_way_of_a_task_goes_before_that_of_the_motion_and_the_tool_fits_into
     drawing = drawing_of(parse({"name": "one", "tool": DISC, "motion": POSES, "task": task}, "here"))
     assert drawing.way[-1] == (0.5, 0.05, 0.0) and drawing.seconds == 7.0
     assert drawing.room[2] > 0.51
-    assert drawing.task == {
-        "title": "t",
-        "goal": "g",
-        "hint": "",
-        "done": {},
-        "force": 1.0,
-        "words": "{percent} %",
-        "next": "",
-    }
+    told = {"title": "t", "goal": "g", "hint": "", "done": {}, "force": 1.0, "words": "{percent} %", "next": ""}
+    assert drawing.task == told
 
 
-@pytest.mark.parametrize("name", [name for name in names("scenes") if load(name).task])
-def test_each_task_begins_where_the_tool_is_leads_somewhere_and_to_a_scene_that_has_a_task(name):
-    scene, drawing = load(name), drawing_of(load(name))
-    assert drawing.way[0] == pytest.approx(scene.tool.pose, abs=1e-9) and len(drawing.way) > 1
-    assert load(scene.task.next).task
-    start = {key: scene.measure[key].fraction(scene.solids[scene.measure[key].body].pose) for key in scene.task.done}
-    assert all(fraction < 0.05 for fraction in start.values()), "nothing is done at the start"
-
-
-def test_tasks_are_offered_in_the_order_in_which_one_leads_to_the_next():
-    offered = [task["name"] for task in tasks()]
-    assert offered[0] == "peg_in_hole" and len(offered) == len(set(offered))
-    assert set(offered) == {name for name in names("scenes") if load(name).task}
-    assert all(load(name).task.next == following for name, following in zip(offered, offered[1:], strict=False))
-    assert [task["title"] for task in tasks()] == [load(name).task.title for name in offered]
+def test_tasks_are_offered_in_the_order_in_which_one_leads_to_the_next_and_begin_where_the_tool_is():
+    offered = tasks()
+    scenes = {task["name"]: load(task["name"]) for task in offered}
+    assert offered[0]["name"] == "peg_in_hole" and scenes.keys() == {n for n in names("scenes") if load(n).task}
+    assert [task["title"] for task in offered] == [scene.task.title for scene in scenes.values()]
+    following = [*scenes, scenes[offered[-1]["name"]].task.next]
+    assert [scene.task.next for scene in scenes.values()] == following[1:] and following[-1] in scenes
+    for name, scene in scenes.items():
+        way, poses = drawing_of(scene).way, {body: solid.pose for body, solid in scene.solids.items()}
+        assert way[0] == pytest.approx(scene.tool.pose, abs=1e-9) and len(way) > 1
+        at_start = [scene.measure[key].fraction(poses[scene.measure[key].body]) for key in scene.task.done]
+        assert all(fraction < 0.05 for fraction in at_start), f"{name}: nothing is done at the start"
 
 
 @pytest.mark.parametrize(("name", "place"), [("peg_in_hole", "insertion_fraction"), ("drive_nail", "driven")])

@@ -1,16 +1,88 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which page leads the hand, and when it lets go: a command handler with a device that is made up."""
+"""The hand that a page leads, which page that is, and when it lets go: a command handler with a made-up device."""
 
 import asyncio
+import math
 import time
 import types
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from haptic_device.description import load_device
 from haptic_sim.viewer import messages
-from haptic_sim.viewer.commands import SLOW, YIELDED, CommandHandler
-from haptic_sim.viewer.hand import SILENCE
+from haptic_sim.viewer.commands import EDGE, SLOW, YIELDED, CommandHandler
+from haptic_sim.viewer.hand import AFTER, SILENCE, Hand, Limits
+from haptic_sim.viewer.settings import DRIVER, SIMULATION
 from haptic_sim.viewer.trouble import Trouble
+
+LIMITS = Limits(((-0.1, 0.1), (-0.2, 0.2), (-3.0, 3.0)), speed=1.0, turn=10.0)
+FLAT = Limits(LIMITS.workspace[:2], 1.0, 10.0)
+
+
+def held(place=(0.0, 0.0, 0.0)):
+    hand = Hand()
+    hand.take(place, 0.0)
+    return hand
+
+
+def test_the_hand_is_led_no_faster_than_its_speed_to_the_last_place_and_jumps_after_no_silence():
+    hand, now, places = held(), 0.0, [(0.0, 0.0, 0.0)]
+    for x in (0.03, 0.04, 0.06):  # the pointer is faster
+        assert hand.aim({"x": x, "y": 0.08, "theta": 1.0}, LIMITS) == ""
+        places.append(hand.lead(now := now + 0.01, LIMITS))
+    while (place := hand.lead(now := now + 0.01, LIMITS)) is not None:
+        places.append(place)
+    steps = list(zip(places, places[1:], strict=False))
+    assert max(math.dist(a[:2], b[:2]) for a, b in steps) == pytest.approx(0.01 * LIMITS.speed)
+    assert max(b[2] - a[2] for a, b in steps) == pytest.approx(0.01 * LIMITS.turn)
+    assert places[-1] == (0.06, 0.08, 1.0)
+    hand.aim({"x": -0.1, "y": 0.08}, LIMITS)
+    assert hand.lead(now + 100.0, LIMITS)[0] >= 0.06 - 0.1 * LIMITS.speed - 1e-9
+
+
+def test_a_hand_held_still_by_a_live_page_holds_and_one_whose_page_is_silent_lets_go():
+    hand, now = held(), 0.0
+    hand.aim({"x": 0.05}, LIMITS)
+    for heard in range(1, 1000):
+        hand.listen(now := now + 0.016, heard)
+    hand.listen(now := now + 100.0, heard + 1)
+    hand.listen(now := now + 100.0, heard + 1)
+    assert hand.goal is not None, "what the viewer itself sleeps through is no silence of a page"
+    hand.listen(silent := now + 0.016, heard + 2)
+    now = silent
+    while now < silent + SILENCE:
+        assert hand.goal == (0.05, 0.0, 0.0) and not hand.loose
+        hand.listen(now := now + 0.016, heard + 2)
+    hand.listen(now + 0.016, heard + 2)
+    assert hand.goal is None and hand.loose and hand.lead(now + 0.016, LIMITS) is None
+
+
+def test_a_hand_that_has_let_go_gives_in_to_the_handle_until_it_has_rested_there_within_the_limits():
+    hand, now, handle, target = held((0.05, 0.0, 0.0)), 0.0, 0.0, 0.05
+    hand.leader, said = object(), []
+    hand.let_go(0.0)
+    assert hand.goal is None and hand.leader is None and hand.lead(0.0, LIMITS) is None
+    while (place := hand.give_in(now := now + 0.016, (handle, 0.0, 0.0), (target, 0.0, 0.0), LIMITS)) is not None:
+        assert place == (handle, 0.0, 0.0), "wherever the handle is, the hand pulls at nothing"
+        said.append(now)
+        target, handle = handle, max(-0.02, handle - 0.0005)
+    assert handle == target == -0.02 and said[-1] > 40 * 0.016
+    hand.let_go(now)
+    assert hand.give_in(now, (0.101, 0.0, 0.0), (0.05, 0.0, 0.0), LIMITS) == (0.1, 0.0, 0.0)
+    assert hand.give_in(now + 2 * AFTER, (0.2, 0.0, 0.0), (0.1, 0.0, 0.0), LIMITS) is None, "at the limit it rests"
+    hand.let_go(now)
+    hand.take((0.0, 0.0, 0.0), now)
+    assert not hand.loose
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_wherever_it_is_dragged_the_hand_stays_in_the_workspace_and_says_so(x):
+    hand = held()
+    assert bool(hand.aim({"x": x}, LIMITS)) == (abs(x) > 0.1) and -0.1 <= hand.goal[0] <= 0.1
+    assert "the device has no theta axis" in hand.aim({"x": x, "theta": 1.0}, FLAT) and hand.goal[2] == 0.0
+
 
 SPEEDS = (1.0, 15.0)
 
@@ -72,6 +144,39 @@ def test_a_page_that_takes_over_leads_from_where_the_hand_is_and_the_other_no_mo
         told(handler, AIM, first)
 
 
+def test_a_page_leads_no_hand_to_the_edge_of_the_workspace_but_draws_all_of_it(handler):
+    assert handler.workspace is None
+    handler.device = load_device("desktop")
+    assert handler.workspace == tuple(axis.workspace for axis in handler.device.axes)
+    for (low, high), axis in zip(handler.limits.workspace, handler.device.axes, strict=True):
+        least, most = axis.workspace
+        assert (low, high) == pytest.approx((least + EDGE * (most - least), most - EDGE * (most - least)))
+
+
+def test_a_hand_has_arrived_when_the_device_says_so_and_not_when_it_was_told(handler):
+    handler.hand.goal = (0.01, 0.0, 0.0)
+    assert not handler.arrived
+    handler.state.truth.target = [0.01, 0.0, 0.0]
+    assert handler.arrived
+    handler.state.truth = None
+    assert not handler.arrived
+
+
+def test_what_is_saved_is_asked_of_each_node_that_is_heard_and_not_remembered(handler):
+    async def answer(question, **patience):
+        if DRIVER in question.service:
+            return {"coupling.stiffness": 1200.0}
+        raise ValueError("haptic_simulation does not answer")
+
+    handler.values, handler.client.acall = {"haptic_loopback": {"device": "desktop"}}, answer
+    handler.state.statuses = {DRIVER: None}
+    assert asyncio.run(handler.heard()) == {DRIVER: {"coupling.stiffness": 1200.0}}
+    for heard, why in (({DRIVER: None, SIMULATION: None}, "simulation does not answer"), ({}, "no node is heard of")):
+        handler.state.statuses = heard
+        with pytest.raises(ValueError, match=why):
+            asyncio.run(handler.heard())
+
+
 def test_without_a_hand_nobody_leads_and_whoever_wants_to_is_told(handler):
     handler.state.axes = 0
     for message in (AIM, messages.TakeOver()):
@@ -109,9 +214,8 @@ def test_an_e_stop_of_any_page_lets_the_hand_go_and_disable_does_not(handler):
 
 def test_a_page_that_has_fallen_silent_leads_no_more(handler):
     told(handler, AIM, Page())
-    now = 1e6
-    for _ in range(round((SILENCE + 1.0) / 0.1)):
-        handler.lead(now := now + 0.1)
+    for k in range(round(10.0 * SILENCE) + 10):
+        handler.lead(1e6 + 0.1 * k)
     assert handler.hand.leader is None
 
 

@@ -2,15 +2,15 @@
 """Scenes changed by a page: what the nodes are asked for, and when, by commands that have no nodes."""
 
 import asyncio
+import contextlib
 import types
 
 import pytest
 
-from haptic_device.description import load_device
 from haptic_sim.scene.drawing import drawing_of
 from haptic_sim.scene.language import load
 from haptic_sim.viewer import messages, waiting
-from haptic_sim.viewer.commands import EDGE, CommandHandler
+from haptic_sim.viewer.commands import CommandHandler
 from haptic_sim.viewer.scene_controller import SceneController
 from haptic_sim.viewer.settings import DRIVER, SIMULATION
 
@@ -65,6 +65,18 @@ class Commands:
         self.done.append("poll")
 
 
+class Watched(list):
+    """Of what is asked for; happens(done) is called after each."""
+
+    def __init__(self, happens):
+        super().__init__()
+        self._happens = happens
+
+    def append(self, done):
+        super().append(done)
+        self._happens(done)
+
+
 @pytest.fixture(autouse=True)
 def no_time_passes(monkeypatch):
     own = asyncio.sleep
@@ -83,16 +95,11 @@ def test_a_scene_is_loaded_with_the_motor_off_once_the_device_says_that_the_hand
 
 
 def test_the_motor_goes_off_once_the_hand_that_lets_go_has_given_in():
-    commands, order, seen = Commands(), Commands.order, []
+    commands, seen = Commands(), []
     commands.yields = 7
-
-    async def watched(service):
-        seen.append((service, commands.yields))
-        await order(commands, service)
-
-    commands.order = watched
+    commands.done = Watched(lambda done: seen.append((done, commands.yields)))
     asyncio.run(SceneController(commands).load("wrench_on_nut"))
-    assert seen[0] == ("disable", -1) and commands.done[:2] == ["let go", "disable"]
+    assert seen[:2] == [("let go", 7), ("disable", -1)]
 
 
 def test_a_start_from_a_fault_clears_it_with_the_hand_at_the_start_and_the_motor_goes_on():
@@ -102,37 +109,21 @@ def test_a_start_from_a_fault_clears_it_with_the_hand_at_the_start_and_the_motor
     assert commands.done == ["let go", pose("peg_in_hole"), "arrived", "reset", RESET, "enable", "poll", "let go"]
 
 
-@pytest.mark.parametrize("when", ("arrived", "reset"))
-def test_a_stop_while_a_fault_is_being_cleared_leaves_the_motor_off(when):
+@pytest.mark.parametrize(
+    ("when", "becomes", "why", "asked"),
+    [
+        ("arrived", {"held_off": True}, "the display has been stopped", set()),
+        ("reset", {"held_off": True}, None, {"reset"}),
+        ("arrived", {"fault": "estop"}, "fault estop is latched", set()),
+    ],
+)
+def test_a_stop_or_another_fault_while_a_fault_is_being_cleared_leaves_the_motor_off(when, becomes, why, asked):
     commands = Commands()
     commands.driving, commands.fault = False, "velocity"
-
-    class Stopped(list):
-        def append(self, done):
-            super().append(done)
-            commands.held_off = commands.held_off or done == when
-
-    commands.done = Stopped()
-    try:
+    commands.done = Watched(lambda done: vars(commands).update(becomes if done == when else {}))
+    with pytest.raises(ValueError, match=why) if why else contextlib.nullcontext():
         asyncio.run(SceneController(commands).start_again())
-    except ValueError as refusal:
-        assert "the display has been stopped" in str(refusal) and when == "arrived"
-    assert "enable" not in commands.done and ("reset" in commands.done) == (when == "reset")
-
-
-def test_a_fault_that_somebody_else_latched_meanwhile_is_not_cleared():
-    commands = Commands()
-    commands.driving, commands.fault = False, "velocity"
-
-    class Stopped(list):
-        def append(self, done):
-            super().append(done)
-            commands.fault = "estop" if done == "arrived" else commands.fault
-
-    commands.done = Stopped()
-    with pytest.raises(ValueError, match="fault estop is latched"):
-        asyncio.run(SceneController(commands).start_again())
-    assert not {"reset", "enable"} & {one for one in commands.done if isinstance(one, str)}
+    assert {"reset", "enable"} & {one for one in commands.done if isinstance(one, str)} == asked
 
 
 def test_a_scene_waits_for_what_else_drives_motor_and_hand():
@@ -145,13 +136,6 @@ def test_a_scene_waits_for_what_else_drives_motor_and_hand():
     assert commands.done == []
 
 
-def test_the_start_of_another_scene_clears_no_fault():
-    commands = Commands()
-    commands.driving, commands.fault = False, "velocity"
-    asyncio.run(SceneController(commands).load("wrench_on_nut"))
-    assert not {"reset", "enable"} & {one for one in commands.done if isinstance(one, str)}
-
-
 def test_after_a_refusal_hand_and_tool_are_both_at_the_start_of_what_there_was():
     commands = Commands(refusal="no closed form")
     with pytest.raises(ValueError, match="no closed form"):
@@ -161,36 +145,13 @@ def test_after_a_refusal_hand_and_tool_are_both_at_the_start_of_what_there_was()
     assert commands.done == ["let go", "disable", *there, *asked, *there, RESET, "enable", "let go"]
 
 
-def test_a_motor_that_a_page_has_switched_off_stays_off():
+@pytest.mark.parametrize("fault", ["", "velocity"])
+def test_a_motor_that_is_off_stays_off_and_another_scene_clears_no_fault(fault):
     commands = Commands()
-    commands.driving = False
-    asyncio.run(SceneController(commands).start_again())
-    assert commands.done == ["let go", pose("peg_in_hole"), "arrived", RESET, "poll", "let go"]
-
-
-@pytest.fixture
-def handler():
-    """One whose nodes never answer; the world is the device's workspace."""
-    node = types.SimpleNamespace(create_publisher=lambda *words: None)
-    client = types.SimpleNamespace(node=node, prepare=lambda *services: None)
-    return CommandHandler(client, types.SimpleNamespace(truth=None, axes=3, to_world=list), (1.0, 1.0))
-
-
-def test_what_is_saved_is_asked_of_each_node_that_is_heard_and_not_remembered(handler):
-    async def answer(question, **patience):
-        if "driver" in question.service:
-            return {"coupling.stiffness": 1200.0}
-        raise ValueError("haptic_simulation does not answer")
-
-    handler.values, handler.client.acall = {"haptic_loopback": {"device": "desktop"}}, answer
-    handler.state.statuses = {"haptic_driver": None}
-    assert asyncio.run(handler.heard()) == {"haptic_driver": {"coupling.stiffness": 1200.0}}
-    handler.state.statuses["haptic_simulation"] = None
-    with pytest.raises(ValueError, match="haptic_simulation does not answer"):
-        asyncio.run(handler.heard())
-    handler.state.statuses = {}
-    with pytest.raises(ValueError, match="no node is heard of"):
-        asyncio.run(handler.heard())
+    commands.driving, commands.fault = False, fault
+    asyncio.run(SceneController(commands).load("wrench_on_nut"))
+    loading = [pose("wrench_on_nut"), "arrived", {"scene": "wrench_on_nut"}, LOAD]
+    assert commands.done == ["let go", *loading, "poll", "let go"]
 
 
 class Restarted:
@@ -227,13 +188,14 @@ class Restarted:
 def test_nodes_that_are_started_again_are_not_shown_as_their_forerunners_were():
     nodes = Restarted(then="engaged")
     assert nodes.restart() == "started again" and nodes.looks == [{}]
-    assert nodes.asked == [("delay", 5.0, True)] and nodes.handler.driving
+    assert nodes.asked == [("delay", 5.0, True)] and nodes.handler.driving and nodes.handler.fault == ""
 
 
 @pytest.mark.parametrize("held_off", [True, False], ids=["by a page", "by another"])
 def test_nodes_that_are_started_again_after_an_e_stop_are_idle_and_stay_so(held_off):
     nodes = Restarted("fault", "estop")
     nodes.handler.held_off = held_off
+    assert not nodes.handler.driving and nodes.handler.fault == "estop"
     nodes.restart()
     nodes.restart()
     assert nodes.asked == 2 * [("delay", 5.0, False)] and not nodes.handler.driving
@@ -243,32 +205,3 @@ def test_a_stop_while_the_nodes_start_again_reaches_the_driver_as_soon_as_there_
     nodes = Restarted(meanwhile=lambda handler: setattr(handler, "held_off", True))
     nodes.restart()
     assert nodes.asked == [("delay", 5.0, True), "disable"]
-
-
-def test_the_motor_is_on_if_the_driver_says_so(handler):
-    nodes = Restarted()
-    nodes.handler.held_off = True
-    assert nodes.handler.driving and nodes.handler.fault == ""
-    nodes.statuses[DRIVER] = ("fault", "velocity")
-    assert not nodes.handler.driving and nodes.handler.fault == "velocity"
-
-
-def test_a_page_leads_no_hand_to_the_edge_of_the_workspace_but_draws_all_of_it(handler):
-    handler.device = load_device("desktop")
-    assert handler.workspace == tuple(axis.workspace for axis in handler.device.axes)
-    for (low, high), axis in zip(handler.limits.workspace, handler.device.axes, strict=True):
-        width = axis.workspace[1] - axis.workspace[0]
-        assert low == pytest.approx(axis.workspace[0] + EDGE * width)
-        assert high == pytest.approx(axis.workspace[1] - EDGE * width)
-    handler.device = None
-    assert handler.workspace is None
-
-
-def test_a_hand_has_arrived_when_the_device_says_so_and_not_when_it_was_told(handler):
-    truth, handler.hand.goal = types.SimpleNamespace(target=[0.0, 0.0, 0.0]), (0.01, 0.0, 0.0)
-    handler.state.truth = truth
-    assert not handler.arrived
-    truth.target = [0.01, 0.0, 0.0]
-    assert handler.arrived
-    handler.state.truth = None
-    assert not handler.arrived
