@@ -68,6 +68,7 @@ def in_order(order):
 
 
 def by_topic(messages):
+    """All of a topic, then all of the next."""
     return sorted(range(len(messages)), key=lambda place: messages[place][1].topic)
 
 
@@ -137,6 +138,10 @@ def metadata_missing(bag):
     (bag / METADATA).unlink()
 
 
+def metadata_empty(bag):
+    change_metadata(bag, relative_file_paths=[])
+
+
 WHOLE = {  # how it is stored, and what of the folder is left out, if anything
     "lz4 chunks": (anew(compression=CompressionType.LZ4), ()),
     "zstd chunks": (anew(compression=CompressionType.ZSTD), ()),
@@ -149,6 +154,7 @@ WHOLE = {  # how it is stored, and what of the folder is left out, if anything
     "a copy beside": (copy_beside, ("copy.mcap is left out: metadata.yaml does not name it",)),
     "another run beside": (foreign_beside, ("run_1.mcap is left out: metadata.yaml does not name it",)),
     "no metadata": (metadata_missing, ()),
+    "metadata that says nothing": (metadata_empty, ()),
 }
 REFUSED = {  # and the words of the refusal
     "messages compressed": (messages_compressed, r"is compressed \(compression_mode: message\)"),

@@ -22,6 +22,7 @@ from haptic_device.nodes import bridge, driver, exchange_server, loopback, recor
 from haptic_device.nodes.recorded_topics import KNOWN
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.realtime import scheduling, servo_thread
+from haptic_device.recording import ENTRY_UNITS, TRACE_UNITS
 from haptic_device.yaml_reader import load as load_yaml
 from haptic_sim.cli.docs import fault_table
 from haptic_sim.cli.main import COMMANDS
@@ -42,6 +43,7 @@ TOPICS, LINK, SCENE, FORMATS, CLI, FAULTS, PLATFORM = (
     ROOT / f"docs/reference/{name}.md"
     for name in ("topics", "link_protocol", "scene_language", "file_formats", "cli", "faults", "platform")
 )
+COUNTED = ("counts", "motor")  # whose units are the device's
 LETTERS = {"u8": "B", "u16": "H", "u32": "I", "i16": "h", "i32": "i", "i64": "q", "f32": "f", "f64": "d"}
 PAYLOADS = {
     "greeting": link_frames.GREETING,
@@ -143,7 +145,18 @@ EQUAL = {  # what the page has, and what the code has
         [(name, int(width)) for name, width, *_ in rows(TOPICS, "Columns of `trace`")],
         [(name, math.prod(records.TRACE_ROW[name].shape)) for name in records.TRACE_ROW.names],
     ),
-    "tail of handle and tool": lambda: (first(TOPICS, "Tail of `handle` and `tool`"), list(TAIL)),
+    "units of the trace": lambda: (
+        {name: unit.split(" or ")[0] for name, _, unit, _ in rows(TOPICS, "Columns of `trace`") if name not in COUNTED},
+        {
+            name: re.split(r" \||,", TRACE_UNITS.get(name, ""))[0]
+            for name in records.TRACE_ROW.names
+            if name not in COUNTED
+        },
+    ),
+    "tail of handle and tool, and its units": lambda: (
+        [(name, unit) for name, unit, _ in rows(TOPICS, "Tail of `handle` and `tool`")],
+        [(name, ENTRY_UNITS.get(name, "")) for name in TAIL],
+    ),
     "faults": lambda: (FAULTS.read_text(encoding="utf-8"), fault_table()),
     "exchange methods": lambda: (first(ROOT / "docs/theory/model.md", "Exchange"), list(EXCHANGE_METHODS)),
     "types of recorded topics": lambda: (

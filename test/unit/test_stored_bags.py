@@ -8,16 +8,15 @@ from dataclasses import fields
 import numpy as np
 import pytest
 import stored_bags
-import yaml
-from bag_of_a_run import STRING, TYPES, swing, write_bag, write_run
-from stored_bags import REFUSED, WHOLE, change_metadata
+from bag_of_a_run import STRING, TYPES, information, swing, write_bag, write_run
+from stored_bags import REFUSED, WHOLE
 
 from haptic_device.analysis.report.reading import read_run
 from haptic_device.recording import load
 from haptic_device.recording.metadata import METADATA
 from haptic_device.recording.recover import recovered
 
-TICKS = 2000
+TICKS = 800
 
 
 @pytest.fixture(scope="module")
@@ -45,32 +44,26 @@ def assert_same(one, other):
 
 
 @pytest.mark.parametrize("way", WHOLE)
-def test_a_bag_is_the_same_to_the_bit_however_it_is_stored(original, bag, way):
-    store, notes = WHOLE[way]
-    store(bag)
-    assert_same(load(bag), load(original))
-    assert load(bag).notes == tuple(read_run(bag).notes[: len(notes)]) == notes
-
-
-@pytest.mark.parametrize("way", WHOLE)
-def test_recovery_takes_the_files_of_the_bag_and_no_other(original, bag, way):
+def test_a_bag_is_the_same_to_the_bit_however_it_is_stored_and_recovery_takes_its_files_alone(original, bag, way):
     store, notes = WHOLE[way]
     store(bag)
     own = {path.name for path in bag.glob("*.mcap")} - {note.split()[0] for note in notes}
-    said = list(recovered(bag))
-    assert tuple(said[: len(notes)]) == notes
-    information = yaml.safe_load((bag / METADATA).read_text())["rosbag2_bagfile_information"]
-    assert set(information["relative_file_paths"]) == own
     assert_same(load(bag), load(original))
-    lost = {name: text for name, text in information["custom_data"].items() if name.startswith("lost ")}
-    assert set(lost.values()) <= {"0"}
+    assert load(bag).notes == tuple(read_run(bag).notes[: len(notes)]) == notes
+    assert tuple(list(recovered(bag))[: len(notes)]) == notes
+    found = information(bag)
+    assert set(found["relative_file_paths"]) == own
+    assert_same(load(bag), load(original))
+    assert {text for name, text in found["custom_data"].items() if name.startswith("lost ")} <= {"0"}
 
 
 @pytest.mark.parametrize("named", [True, False], ids=["metadata", "no metadata"])
 @pytest.mark.parametrize("way", REFUSED)
-def test_a_bag_that_is_not_read_is_refused_by_how_it_is_stored(bag, way, named):
+def test_a_bag_that_is_not_read_is_refused_by_how_it_is_stored_and_left_as_it_is(bag, way, named):
     store, words = REFUSED[way]
     store(bag)
+    with pytest.raises(ValueError, match="compressed|sqlite3"):
+        load(next(path for path in bag.iterdir() if path.name != METADATA))
     if not named:
         (bag / METADATA).unlink()
         words = words.removeprefix("is ").split(r" \(storage")[0]
@@ -82,14 +75,6 @@ def test_a_bag_that_is_not_read_is_refused_by_how_it_is_stored(bag, way, named):
     with pytest.raises(ValueError, match="is compressed|is stored|no file that could be repaired") as refusal:
         said.extend(recovered(bag))
     assert re.search(words, f"{said} {refusal.value}") and sorted(bag.iterdir()) == before
-
-
-@pytest.mark.parametrize("way", REFUSED)
-def test_a_single_file_of_such_a_bag_is_refused_by_the_same_word(bag, way):
-    REFUSED[way][0](bag)
-    file = next(path for path in bag.iterdir() if path.name != METADATA)
-    with pytest.raises(ValueError, match="compressed|sqlite3"):
-        load(file)
 
 
 def test_a_file_that_metadata_names_and_that_is_missing_is_said_and_the_others_are_read(original, bag):
@@ -104,9 +89,7 @@ def test_a_file_that_metadata_names_and_that_is_missing_is_said_and_the_others_a
 
 def test_a_bag_none_of_whose_files_is_there_is_refused_with_the_names(bag):
     (bag / "run_0.mcap").rename(bag / "other.mcap")
-    with pytest.raises(
-        ValueError, match=r"none of the files that its metadata.yaml names \(run_0.mcap\); it has other"
-    ):
+    with pytest.raises(ValueError, match=r"none of the files .* metadata.yaml names \(run_0.mcap\); it has other"):
         load(bag)
     assert len(load(bag / "other.mcap").trace) == TICKS
 
@@ -118,12 +101,10 @@ def test_without_metadata_the_files_of_a_bag_bear_its_name(original, bag):
     note = "copy.mcap is left out: without metadata.yaml, run_N.mcap are the bag's"
     assert_same(load(bag), load(original))
     assert load(bag).notes == (note,) and list(recovered(bag))[0] == note
-    assert yaml.safe_load((bag / METADATA).read_text())["rosbag2_bagfile_information"]["relative_file_paths"] == [
-        "run_0.mcap"
-    ]
+    assert information(bag)["relative_file_paths"] == ["run_0.mcap"]
 
 
-def test_marks_and_diagnostics_of_a_shuffled_bag_stand_in_their_order(tmp_path):
+def test_marks_of_a_shuffled_bag_stand_in_their_order(tmp_path):
     marks = [bytes(TYPES.serialize_cdr(TYPES.types[STRING](f"mark {number}"), STRING)) for number in range(100)]
     own = [("/haptic/mark", STRING, text, 1, number) for number, text in enumerate(marks, 1)]  # by a node each
     write_bag(tmp_path / "run", *own)
@@ -131,17 +112,11 @@ def test_marks_and_diagnostics_of_a_shuffled_bag_stand_in_their_order(tmp_path):
     assert [mark.text for mark in load(tmp_path / "run").marks] == [f"mark {number}" for number in range(100)]
 
 
-def test_a_clock_that_was_set_back_while_it_recorded_changes_no_order(original, bag):
+def test_a_clock_that_was_set_back_while_it_recorded_changes_no_order(bag):
     """The numbers of the one publisher say it; the times received would put later ticks between earlier ones."""
-    file = bag / "run_0.mcap"
-    messages, attachments = stored_bags.records_of(file)
+    messages, attachments = stored_bags.records_of(bag / "run_0.mcap")
     for _, channel, message in messages:
-        if channel.topic == "/haptic/trace" and message.sequence > 20:
+        if channel.topic == "/haptic/trace" and message.sequence > 5:
             message.log_time -= 300_000_000
-    stored_bags.write(file, messages, attachments)
+    stored_bags.write(bag / "run_0.mcap", messages, attachments)
     assert np.array_equal(load(bag).trace["tick"], np.arange(TICKS))
-
-
-def test_metadata_that_says_nothing_is_as_none(original, bag):
-    change_metadata(bag, relative_file_paths=[])
-    assert_same(load(bag), load(original))
