@@ -3,11 +3,10 @@
 
 import numpy as np
 import pytest
-from scipy.linalg import eigh
 
 from adversary.switching import switched_cancellation_damping
 from adversary.wall_search import Display, search
-from haptic_device.control import velocity_estimator, virtual_wall
+from haptic_device.control import virtual_wall
 from haptic_device.control.damping_compensation import cancellation_fade, cancellation_force
 from reference.closed_forms import delayed_wall_damping, lagged_wall_damping, wall_damping
 
@@ -15,47 +14,18 @@ from reference.closed_forms import delayed_wall_damping, lagged_wall_damping, wa
 @pytest.mark.parametrize(
     "bound, ticks, display",
     [
-        (wall_damping(1.0, 0.0, 1.0), 40, {}),
         (wall_damping(1.0, 0.3, 1.0), 40, {"damping": 0.3}),
         (lagged_wall_damping(1.0, 0.4, 1.0, 0.5), 60, {"damping": 0.4, "lag": 0.5}),
-        (delayed_wall_damping(1.0, 0.0, 1.0, 1), 60, {"delay": 1}),
         (delayed_wall_damping(1.0, 0.25, 1.0, 1), 60, {"damping": 0.25, "delay": 1}),
         (switched_cancellation_damping(1.0, 0.0, 1.0, 0.9), 30, {"cancelled": 0.9}),
-        (wall_damping(1.0, 0.0, 1.0), 40, {"cancelled": 0.9, "band": 1.0}),
         (wall_damping(1.0, 0.3, 1.0), 40, {"damping": 0.3, "cancelled": 0.9, "band": 1.0}),
         (delayed_wall_damping(1.0, 0.0, 1.0, 1), 60, {"delay": 1, "cancelled": 0.7, "band": 2.0}),
     ],
 )
 def test_an_optimizer_over_handle_paths_finds_energy_just_below_the_bound_and_none_just_above(bound, ticks, display):
-    starts = 16  # below the bound the first that leads to energy is among eight
+    starts = 8  # below the bound the first that leads to energy is among eight
     assert search(Display(0.98 * float(bound), **display), ticks, starts, enough=1e-3).energy > 1e-3
     assert search(Display(1.02 * float(bound), **display), ticks, starts).energy == 0.0
-
-
-def lagged_forces(damping, lag, ticks):
-    """Force of a wall of K = T = 1 as a matrix over the path, by the servo's own estimator; lag in periods."""
-    forces = np.zeros((ticks, ticks))
-    for k, path in enumerate(np.eye(ticks)):
-        rate, before = 0.0, 0.0
-        for j, here in enumerate(path):
-            rate = velocity_estimator.velocity_of(rate, here - before, 1.0, lag)
-            forces[j, k], before = here + damping * rate, here
-    return forces
-
-
-def worst_lagged_damping(damping, lag, ticks=160):
-    """Least b over all paths of so many ticks from rest: the largest eigenvalue of work against Σ Δx²."""
-    step = np.diff(np.eye(ticks), axis=0)
-    work = -lagged_forces(damping, lag, ticks)[:-1].T @ step
-    loss = step.T @ step
-    return eigh(0.5 * (work + work.T)[1:, 1:], loss[1:, 1:], subset_by_index=[ticks - 2] * 2)[0][0]
-
-
-@pytest.mark.parametrize("damping", [0.4, -0.3, 3.0])
-@pytest.mark.parametrize("lag", [0.5, 4.0])
-def test_the_worst_path_finds_energy_just_below_the_bound_of_a_lagging_velocity_and_none_just_above(damping, lag):
-    bound = float(lagged_wall_damping(1.0, damping, 1.0, lag))
-    assert 0.98 * bound < worst_lagged_damping(damping, lag) < 1.02 * bound
 
 
 def drawn(physical_damping, ratio, band, deepest=3.0, cells=16, rounds=300):
@@ -82,7 +52,7 @@ def drawn(physical_damping, ratio, band, deepest=3.0, cells=16, rounds=300):
     return added
 
 
-@pytest.mark.parametrize("ratio", [0.5, 0.9, 0.98])
+@pytest.mark.parametrize("ratio", [0.5, 0.98])
 def test_with_a_band_of_one_ticks_travel_cancellation_leaves_the_wall_its_whole_bound(ratio):
     bound = float(wall_damping(1.0, 0.0, 1.0))
     assert drawn(0.98 * bound, ratio, 1.0) > 1e-3
@@ -94,3 +64,27 @@ def test_half_a_ticks_travel_is_the_narrowest_band_that_does():
     assert drawn(1.02 * bound, 0.9, 0.5) == 0.0
     assert drawn(1.02 * bound, 0.9, 0.35) > 1e-3
     assert drawn(1.3 * bound, 0.9, 1e-6) > 1e-3
+
+
+def round_trips_give(physical_damping, damping, cancelled, glide=60, trips=40):
+    """Energy that a wall of K = T = 1 with cancellation outside (x ≤ 0) gives along round trips through its surface:
+    out by one step, far out on a dying glide, a rest, and the same way back in, at constant speeds."""
+    shrink = (1.0 - np.sqrt(1.0 - cancelled**2)) / cancelled
+    out = shrink ** np.arange(1, glide)
+    slow_return = np.full(4000, (np.sum(out) - np.sum(out[::-1])) / 4000)
+    once = np.concatenate([[-1.0], -out, slow_return, out[::-1], [1.0]])
+    path = 1.0 + np.cumsum(np.concatenate([[0.0], np.tile(once, trips)]))
+    rate, moved = np.diff(path[:-1], prepend=path[0]), np.diff(path)
+    inside = path[:-1] > 1e-9  # for rounding
+    force = np.where(inside, -path[:-1] - damping * rate, cancelled * physical_damping * rate)
+    return force @ moved - physical_damping * moved @ moved
+
+
+@pytest.mark.parametrize("damping, cancelled", [(0.0, 0.5), (0.1, 0.9), (0.3, 0.9)])
+def test_round_trips_through_a_switch_give_energy_just_below_its_threshold_and_none_just_above(damping, cancelled):
+    """Damping cancelled outside a wall only; nothing cancelled is the wall alone, all cancelled the whole spring."""
+    threshold = switched_cancellation_damping(1.0, damping, 1.0, cancelled)
+    assert round_trips_give(0.99 * threshold, damping, cancelled) > 0.2
+    assert round_trips_give(1.01 * threshold, damping, cancelled) < 0.0
+    assert switched_cancellation_damping(800.0, 0.1, 1e-3, 0.0) == pytest.approx(wall_damping(800.0, 0.1, 1e-3))
+    assert switched_cancellation_damping(800.0, 0.1, 1e-3, 1.0) == pytest.approx(0.9)

@@ -17,7 +17,7 @@ from haptic_device.analysis.transfer import wall_transfer
 from haptic_device.control.passivity import coupling_damping, least_damping
 
 DESKTOP = device(axes=1)
-DRAWS = tries(192)
+DRAWS = tries(96)
 ROUNDING = 1e-9  # [J/m²] of K = 1 N/m
 
 
@@ -80,31 +80,22 @@ def test_a_lag_of_the_velocity_is_not_credited_to_a_coupling():
     assert lagging.b_required_mu == prompt.b_required_mu == pytest.approx(0.8)
 
 
-@few(60)
+@few(40)
 @given(st.floats(-0.6, 3.0), st.floats(0.0, 4.0), st.sampled_from([0.0, 0.3, 10.0]))
-def test_what_a_coupling_is_asked_for_is_never_less_than_its_exact_need_at_a_constant_delay(damping, delay, lag):
+def test_what_a_coupling_is_asked_for_is_its_exact_need_at_a_constant_delay_and_more_only_of_a_late_damper(
+    damping, delay, lag
+):
     wall = wall_transfer(1.0, damping, 1.0, lag)
     asked = coupling_damping(1.0, damping, 1.0, delay)
     assert least_damping_for_any_simulation(wall, 1.0, delay).damping <= asked * (1.0 + 1e-9)
     if np.isfinite(asked):
         assert mu_margin(wall, 1.0, 1.001 * asked, delay) > 0.0
+    for viscous, late in ((damping, 0.0), (min(0.0, damping), delay)):
+        exact = least_damping_for_any_simulation(wall_transfer(1.0, viscous, 1.0), 1.0, late).damping
+        assert coupling_damping(1.0, viscous, 1.0, late) == pytest.approx(exact, rel=1e-9)
 
 
-@few(30)
-@given(st.floats(-0.49, 0.0), st.floats(0.0, 4.0))
-def test_what_a_coupling_is_asked_for_is_its_exact_need_without_damping_and_with_negative_damping(damping, delay):
-    exact = least_damping_for_any_simulation(wall_transfer(1.0, damping, 1.0), 1.0, delay).damping
-    assert coupling_damping(1.0, damping, 1.0, delay) == pytest.approx(exact, rel=1e-9)
-
-
-@few(20)
-@given(st.floats(0.0, 1e4), st.floats(0.0, 50.0))
-def test_without_delay_what_a_coupling_is_asked_for_is_its_exact_need(stiffness, damping):
-    exact = least_damping_for_any_simulation(wall_transfer(stiffness, damping, 1e-3), 1e-3).damping
-    assert coupling_damping(stiffness, damping, 1e-3, 0.0) == pytest.approx(exact, rel=1e-9)
-
-
-@pytest.mark.parametrize("late", [0.0, 0.3, 0.999, 1.0, 1.5, 2.0])
+@pytest.mark.parametrize("late", [0.0, 0.3, 1.0, 1.5])
 @pytest.mark.parametrize("damping", [0.0, -0.3])
 def test_energy_is_found_just_below_what_a_coupling_is_asked_for_and_none_at_it(damping, late):
     asked, writes = coupling_damping(1.0, damping, 1.0, late), np.arange(60) + late
@@ -112,8 +103,8 @@ def test_energy_is_found_just_below_what_a_coupling_is_asked_for_and_none_at_it(
     assert energy_generated_over_horizon(1.0, damping, 0.97 * asked, 1.0, writes) > 1e3 * ROUNDING
 
 
-@pytest.mark.parametrize("late", [0.1, 0.5, 0.999])
-@pytest.mark.parametrize("damping", [-0.3, 0.0, 0.3, 2.0])
+@pytest.mark.parametrize("late", [0.1, 0.999])
+@pytest.mark.parametrize("damping", [-0.3, 0.0, 2.0])
 def test_no_sequence_of_delays_up_to_the_one_that_is_counted_needs_more_of_a_coupling(damping, late):
     rng, ticks = np.random.default_rng(6), np.arange(40.0)
     asked = coupling_damping(1.0, damping, 1.0, late)
@@ -129,7 +120,7 @@ def test_delays_that_alternate_need_more_of_a_late_damper_than_a_constant_one():
     assert energy_generated_over_horizon(0.0, 1.0, 1.25, 1.0, alternating) > 1e3 * ROUNDING
 
 
-@pytest.mark.parametrize("late", np.linspace(0.05, 0.95, 19))
+@pytest.mark.parametrize("late", [0.05, 0.5, 0.95])
 def test_a_store_of_the_last_two_ways_proves_what_a_late_damper_is_charged_for_delays_that_vary(late):
     """(1−φ)(a₁−a₀)² + φ(a₁−a₋)² ≤ 4√(1+j) a₁² + V(a₀, a₋) − V(a₁, a₀), a the ways of the stretch, any φ in 0 … j.
 
