@@ -25,7 +25,7 @@ from haptic_sim.viewer.server import WEB, Server
 
 pytestmark = pytest.mark.timeout(300)
 
-LIMIT = 60.0  # [s] that anything is waited for
+LIMIT = 120.0  # [s] that anything is waited for
 FOREIGN = {"Host": "elsewhere.example"}
 ENABLE, STOP = messages.Trigger(service="enable"), messages.Trigger(service="estop")
 MARK = '{"do": "mark", "text": "still there"}'

@@ -2,24 +2,23 @@
 """Recordings on the page, without nodes: the recorder's states, the bags that are listed, the files that are given."""
 
 import asyncio
+import itertools
 import os
 import sys
 import time
 
-import aiohttp
 import psutil
 import pytest
 from bag_of_a_run import swing, write_run
 from filmed_bag import film_bag, rows_of
+from test_viewer import served
 from yarl import URL
 
 from haptic_device.status import Status
 from haptic_sim.viewer.bag_pages import BagPages
 from haptic_sim.viewer.recordings import Recordings
-from haptic_sim.viewer.server import Server
 
 pytestmark = pytest.mark.timeout(300)
-LIMIT = 120.0  # [s] that anything is waited for
 
 
 @pytest.fixture
@@ -58,21 +57,15 @@ def test_a_recording_that_the_page_asks_for_is_starting_recording_saving_saved(n
         write_run(tmp_path / "haptic_bags" / "one", swing(80))
         await news.during(False, answer("the bag is closed"))
         news.hear(said(f"recording to {tmp_path}/haptic_bags/one", -5))
-
-    asyncio.run(run())
-    assert list(dict.fromkeys(states(news))) == ["ready", "starting", "recording", "saving", "saved"]
-    last = news.told[-1]
-    assert last["bag"] == str(tmp_path / "haptic_bags/one") and last["name"] == "one"
-
-
-def test_a_recording_shorter_than_the_recorders_silence_is_found_in_the_folder(news, tmp_path):
-    async def run():
         await news.during(True, answer("recording"))
-        write_run(tmp_path / "haptic_bags" / "short", swing(80))
+        write_run(tmp_path / "haptic_bags" / "short", swing(80))  # shorter than the recorder's silence
         await news.during(False, answer("the bag is closed"))
 
     asyncio.run(run())
-    assert news.told[-1]["name"] == "short"
+    turns = ["ready", "starting", "recording", "saving", "saved", *["starting", "recording", "saving", "saved"]]
+    assert [state for state, _ in itertools.groupby(states(news))] == turns
+    saved = [(one["name"], one["bag"]) for one in news.told if one["state"] == "saved" and one["name"]]
+    assert list(dict.fromkeys(saved)) == [(name, str(tmp_path / "haptic_bags" / name)) for name in ("one", "short")]
 
 
 def test_a_refusal_leaves_the_state_as_it_was(news):
@@ -92,11 +85,15 @@ def test_a_recorder_that_somebody_else_switches_is_followed(news, tmp_path):
     assert news.folder == tmp_path / "else"
 
 
-def test_bags_of_the_folder_are_listed_the_newest_first(news, tmp_path):
+def test_bags_of_the_folder_are_listed_the_newest_first_without_those_that_cannot_be_read(news, tmp_path):
     folder = tmp_path / "haptic_bags"
     write_run(folder / "old", swing(400))
-    write_run(folder / "new" / "bag", swing(80))
-    (write_run(folder / "cut", swing(80)) / "metadata.yaml").unlink()
+    whole = write_run(folder / "new" / "bag", swing(80))
+    for name in ("cut", "unreadable"):
+        (write_run(folder / name, swing(80)) / "metadata.yaml").unlink()
+    (folder / "unreadable" / "metadata.yaml").mkdir()
+    (folder / "dangling").mkdir()
+    (folder / "dangling" / "far_0.mcap").symlink_to(folder / "nowhere.mcap")
     (folder / "no bag").mkdir()
     (folder / "link").symlink_to(folder / "old")
     for age, name in enumerate(("new/bag", "cut", "old")):
@@ -105,35 +102,21 @@ def test_bags_of_the_folder_are_listed_the_newest_first(news, tmp_path):
     bags = news.news()["bags"]
     assert [bag["name"] for bag in bags] == ["new", "cut", "old"]
     assert bags[1]["seconds"] is None and bags[2]["seconds"] == pytest.approx(0.1, abs=0.01) and bags[0]["size"] > 0
-
-
-def test_an_entry_that_cannot_be_read_is_left_out_and_the_others_are_listed(news, tmp_path):
-    folder = tmp_path / "haptic_bags"
-    whole = write_run(folder / "whole", swing(80))
-    (write_run(folder / "unreadable", swing(80)) / "metadata.yaml").unlink()
-    (folder / "unreadable" / "metadata.yaml").mkdir()
-    (folder / "dangling").mkdir()
-    (folder / "dangling" / "far_0.mcap").symlink_to(folder / "nowhere.mcap")
-    asyncio.run(news.scan())
-    assert [bag["name"] for bag in news.news()["bags"]] == ["whole"]
     (folder / "dangling" / "far_0.mcap").unlink()
     (folder / "dangling" / "far_0.mcap").symlink_to(next(whole.glob("*.mcap")))
     asyncio.run(news.scan())
-    assert {bag["name"] for bag in news.news()["bags"]} == {"whole", "dangling"}
+    assert [bag["name"] for bag in news.news()["bags"]] == ["dangling", "new", "cut", "old"]
 
 
-def served(recordings, visit):
-    async def live():
-        server = Server("127.0.0.1", 0, lambda page: None, None, recorded=recordings.page)
-        await server.start()
-        async with aiohttp.ClientSession() as http:
-            try:
-                return await asyncio.wait_for(visit(server, http), LIMIT)
-            finally:
-                await recordings.pages.stop()
-                await server.stop()
+def visited(recordings, visit):
+    async def scanned(server, http):
+        await recordings.scan()
+        try:
+            return await visit(server, http)
+        finally:
+            await recordings.pages.stop()
 
-    return asyncio.run(live())
+    return served(scanned, recorded=recordings.page)[0]
 
 
 async def got(http, address):
@@ -155,12 +138,11 @@ def test_a_page_that_looks_on_only_opens_report_and_replay_which_say_that_they_a
     film_bag(tmp_path / "haptic_bags" / "swing", rows_of(2000))
 
     async def visit(server, http):
-        await news.scan()
-        base = server.address(False)
-        first = await got(http, f"{base}recordings/film.html?bag=swing")
-        return first, [await made(http, f"{base}recordings/{name}?bag=swing") for name in ("film.html", "report.html")]
+        base = f"{server.address(False)}recordings/"
+        first = await got(http, f"{base}film.html?bag=swing")
+        return first, [await made(http, f"{base}{name}?bag=swing") for name in ("film.html", "report.html")]
 
-    first, pages = served(news, visit)
+    first, pages = visited(news, visit)
     assert first[0] == 200 and "Making the replay" in first[2]
     for (status, headers, text), title in zip(pages, ("Replay: swing", "Report: swing"), strict=True):
         assert status == 200 and title in text
@@ -173,29 +155,16 @@ def test_only_bags_of_the_folder_and_files_that_were_made_are_given(news, tmp_pa
     write_run(tmp_path / "outside", swing(80))
     (tmp_path / "haptic_reports").mkdir()
     (tmp_path / "haptic_reports" / "secret.html").write_text("secret")
+    bags = ("bag=../outside", "bag=..%2Foutside", f"bag={tmp_path}/outside", "bag=.", "", "bag=one%00", "bag=one&" * 3)
+    asked = [f"recordings/report.html?{words}" for words in bags]
+    asked += [f"recordings/{file}?bag=one" for file in ("secret.html", "..%2F..%2Fsecret.html", "..%2freport.html", "")]
 
     async def visit(server, http):
-        await news.scan()
-        wrong = [
-            "bag=../outside",
-            "bag=..%2Foutside",
-            f"bag={tmp_path}/outside",
-            "bag=",
-            "bag=.",
-            "",
-            "bag=one%00",
-        ]
-        asked = [f"recordings/report.html?{words}" for words in wrong]
-        asked += ["recordings/report.html?bag=one&bag=one&bag=one", "recordings/secret.html?bag=one"]
-        asked += ["recordings/..%2F..%2Fsecret.html?bag=one", "recordings/..%2freport.html?bag=one", "recordings/"]
-        answers = [await got(http, f"{server.address(True)}{path}") for path in asked]
-        stranger = f"{server.address(True)[:-6]}AAAAA/recordings/report.html?bag=one"
-        return asked, answers, await got(http, stranger)
+        return [await got(http, f"{server.address(True)}{path}") for path in asked]
 
-    asked, answers, stranger = served(news, visit)
+    answers = visited(news, visit)
     assert {path: status for path, (status, _, _) in zip(asked, answers, strict=True)} == dict.fromkeys(asked, 404)
     assert all("secret" not in text or "nothing called" in text for _, _, text in answers)
-    assert stranger[0] == 403
     assert not list((tmp_path / "haptic_reports").glob("*/*"))
 
 
@@ -205,36 +174,46 @@ def test_what_cannot_be_made_is_said_in_a_sentence_and_tried_again(news, tmp_pat
     (bag / "broken_0.mcap").write_bytes(b"no bag")
 
     async def visit(server, http):
-        await news.scan()
         address = f"{server.address(True)}recordings/film.html?bag=broken"
         return await made(http, address), await got(http, address)
 
-    (status, _, text), again = served(news, visit)
+    (status, _, text), again = visited(news, visit)
     assert status == 503 and text.startswith("the replay could not be made: ") and len(text.splitlines()) == 1
     assert again[0] == 200 and "Making the replay" in again[2]
 
 
-def test_a_page_whose_place_is_taken_or_whose_program_is_missing_is_refused_in_a_sentence_and_tried_again(
+def of_pages(folder, run):
+    """What run(pages) returns, with pages that are made in a folder."""
+
+    async def live():
+        pages = BagPages(folder / "pages")
+        try:
+            return await run(pages)
+        finally:
+            await pages.stop()
+
+    return asyncio.run(live())
+
+
+def test_a_page_whose_place_is_taken_or_whose_program_is_missing_is_refused_and_the_process_ends_with_the_viewer(
     tmp_path, monkeypatch
 ):
     bag = film_bag(tmp_path / "one", rows_of(1000))
     (tmp_path / "pages" / "one" / "report.html").mkdir(parents=True)
 
-    async def run():
-        pages = BagPages(tmp_path / "pages")
-        try:
-            with pytest.raises(ValueError, match=r"the report could not be made: .*report\.html"):
+    async def run(pages):
+        with pytest.raises(ValueError, match=r"the report could not be made: .*report\.html"):
+            await pages.page("report.html", [bag], "one")
+        (tmp_path / "pages" / "one" / "report.html").rmdir()
+        with monkeypatch.context() as without:
+            without.setattr(sys, "executable", str(tmp_path / "gone"))
+            with pytest.raises(ValueError, match="the report could not be made: .*gone"):
                 await pages.page("report.html", [bag], "one")
-            (tmp_path / "pages" / "one" / "report.html").rmdir()
-            with monkeypatch.context() as without:
-                without.setattr(sys, "executable", str(tmp_path / "gone"))
-                with pytest.raises(ValueError, match="the report could not be made: .*gone"):
-                    await pages.page("report.html", [bag], "one")
-            assert "Making the report" in await pages.page("report.html", [bag], "one")
-        finally:
-            await pages.stop()
+        assert "Making the report" in await pages.page("report.html", [bag], "one"), "it is tried again"
+        [process] = psutil.Process().children()
+        return process
 
-    asyncio.run(run())
+    assert not of_pages(tmp_path, run).is_running()
 
 
 def test_two_recordings_have_a_page_that_no_recording_of_another_name_shares(news, tmp_path, monkeypatch):
@@ -260,28 +239,11 @@ def test_two_recordings_have_a_page_that_no_recording_of_another_name_shares(new
 def test_four_pages_are_waited_for_and_a_fifth_is_refused(tmp_path):
     bags = [film_bag(tmp_path / f"bag{number}", rows_of(1000)) for number in range(5)]
 
-    async def run():
-        pages = BagPages(tmp_path / "pages")
-        try:
-            for bag in bags[:4]:
-                assert "Making the" in await pages.page("film.html", [bag], bag.name)
-            with pytest.raises(ValueError, match="4 reports wait to be made already"):
-                await pages.page("film.html", bags[4:], "bag4")
-            assert "Making the" in await pages.page("film.gif", bags[:1], "bag0"), "it is the same making"
-        finally:
-            await pages.stop()
+    async def run(pages):
+        for bag in bags[:4]:
+            assert "Making the" in await pages.page("film.html", [bag], bag.name)
+        with pytest.raises(ValueError, match="4 reports wait to be made already"):
+            await pages.page("film.html", bags[4:], "bag4")
+        assert "Making the" in await pages.page("film.gif", bags[:1], "bag0"), "it is the same making"
 
-    asyncio.run(run())
-
-
-def test_the_process_that_makes_a_page_ends_with_the_viewer(tmp_path):
-    async def run():
-        pages = BagPages(tmp_path / "pages")
-        assert "Making the report" in await pages.page(
-            "report.html", [film_bag(tmp_path / "one", rows_of(2000))], "one"
-        )
-        [process] = psutil.Process().children()
-        await pages.stop()
-        return process.is_running()
-
-    assert not asyncio.run(run())
+    of_pages(tmp_path, run)
