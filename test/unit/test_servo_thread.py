@@ -1,0 +1,355 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The servo in its thread, on a page with a plant behind it, on a device that says nothing, and with strange mail."""
+
+import signal
+import threading
+import time
+import uuid
+
+import numpy as np
+import pytest
+from waiting import until
+
+from haptic_device import controller_config
+from haptic_device.control import enable_state, faults
+from haptic_device.description import load_device
+from haptic_device.device import loopback_config, operator_hand, plant, simulated_device
+from haptic_device.jit import kernel
+from haptic_device.parameter_types import defaults
+from haptic_device.parameters import DRIVER
+from haptic_device.realtime import clock, hardware_interface, scheduling, servo_loop, shared_memory
+from haptic_device.realtime.hardware_interface import SharedMemoryInterface
+from haptic_device.realtime.null_device import NullDevice
+from haptic_device.realtime.seqlock import SeqLock
+from haptic_device.realtime.servo_thread import ServoThread
+from haptic_sim.supervision import lateness
+
+WATCHDOG = 15_000_000  # ns
+HOME = (0.05, 0.05, 0.75)
+NO_MOTOR = [0.0, 0.0, 0.0]
+
+
+def settings(**given):
+    """Of a servo at 1 kHz, which bears a thread that stands still."""
+    patient = {"servo.rate": 1000.0, "fault.silence": 1.0}
+    values = defaults(DRIVER) | patient | {name.replace("__", "."): value for name, value in given.items()}
+    return controller_config.settings_from(load_device("desktop"), values)
+
+
+class Served:
+    """A plant behind a page, as haptic_loopback runs it; the hand holds on with nothing."""
+
+    def __init__(self, name):
+        self.page, self.truth = shared_memory.SharedMemory(name, shared_memory.DEVICE), SeqLock(simulated_device.TRUTH)
+        self.control = np.zeros(simulated_device.CONTROLS, np.int64)
+        self.plant = loopback_config.plant_of(load_device("desktop"))
+        self.control[simulated_device.WATCHDOG] = WATCHDOG
+        self.memory, self.motion = np.zeros(1, plant.PLANT_MEMORY), np.zeros(1, operator_hand.MOTION)
+        self.memory["position"] = self.memory["target"] = (0.01, 0.0, 0.0)
+        self.motion["count"], self.motion["duration"] = 1, 1.0
+        self.thread = threading.Thread(target=self._serve)
+        self.thread.start()
+
+    def _serve(self):
+        truth = np.zeros(1, simulated_device.TRUTH)
+        words, mail = self.page.words, self.truth.words
+        simulated_device.serve(words, self.control, mail, 42, self.plant, self.memory, self.motion, truth)
+
+    @property
+    def now(self):
+        """The newest truth."""
+        return self.truth.get()[0]
+
+    def stop(self):
+        """Ends the plant's thread."""
+        self.control[simulated_device.STOP] = 1
+        self.thread.join(60.0)
+        assert not self.thread.is_alive(), "the plant still serves"
+
+
+@pytest.fixture
+def name():
+    name = f"haptic_display.test.{uuid.uuid4().hex}"
+    yield name
+    left = (shared_memory.FOLDER / name).exists()
+    (shared_memory.FOLDER / name).unlink(missing_ok=True)
+    assert not left
+
+
+@pytest.fixture
+def served(name):
+    served = Served(name)
+    yield served
+    served.stop()
+    served.page.close()
+
+
+@pytest.fixture
+def link(name):
+    link = SharedMemoryInterface(name, 7)
+    yield link
+    link.close()
+
+
+@pytest.fixture
+def servo(link):
+    """servo(link, settings, **how) makes one that has ended after the test."""
+    made = []
+
+    def make(at=link, record=None, **how):
+        made.append(ServoThread(at, settings() if record is None else record, **{"realtime": "off", **how}))
+        return made[-1]
+
+    yield make
+    for thread in made:
+        thread.stop()
+
+
+def ticks(thread, count):
+    until(lambda: thread.row.get()[0].tick > count, f"{count} ticks")
+    return thread.row.get()[0]
+
+
+def test_only_whole_samples_that_are_not_of_the_future_are_read(name, link):
+    """A device died in the middle of a write; and one whose clock is far ahead."""
+    with_page = shared_memory.SharedMemory(name, shared_memory.DEVICE)
+    words, block = with_page.words, np.zeros(shared_memory.DEVICE_WORDS, np.int64)
+    sample, now = np.zeros(hardware_interface.SAMPLE), int(clock.now_ns(clock.scratch()))
+    ahead = hardware_interface.AHEAD
+    try:
+        for counts, latched, believed in ((11.0, now, 1), (12.0, now + ahead, 1), (13.0, now + ahead + 60 * 10**9, 0)):
+            given = np.array([counts, -12.0, 13.0]), np.array([0.5, 0.25, 0.0])
+            shared_memory.write_device(words, block, 1, latched, 0, now, *given, 0)
+            assert link.read(link.memory, now, now, sample) == believed
+            assert sample[hardware_interface.COUNTS] == min(counts, 12.0)
+        kept = sample.copy()
+        words[shared_memory.DEVICE_LOCK] |= 1
+        words[shared_memory.DEVICE_FIRST : shared_memory.DEVICE_FIRST + shared_memory.DEVICE_WORDS] = 2**60
+        assert link.read(link.memory, now, now, sample) == 0 and sample.tolist() == kept.tolist()
+    finally:
+        with_page.close()
+
+
+NONSENSE = [  # when it was written and its deadline, from now [ns]; period [ns]; motor
+    (2**62, 0, 1_000_000, 0.0),
+    (0, 2**62, 1_000_000, 0.0),
+    (0, 60_000_000_000, 1_000_000, 0.5),  # the motor would be held for a minute, and no watchdog heard
+    (-(2**62), 0, 1_000_000, 0.0),
+    (0, 0, 0, 0.0),
+    (0, 0, 2**62, 0.0),
+    (0, 0, 1_000_000, np.nan),
+]
+
+
+def test_a_write_of_nonsense_moves_neither_the_plant_nor_its_clock(served, link):
+    scratch = clock.scratch()
+    until(link.present, "the device is present")
+    for count, (written, deadline, period, motor) in enumerate(NONSENSE, 1):
+        now = int(clock.now_ns(scratch))
+        link.write(link.memory, now + written, now + deadline, period, 1, np.array([motor, 0.5, 0.0]))
+        until(lambda count=count: served.control[simulated_device.REFUSED] == count, "the write is refused")
+    before = float(served.now.time)
+    until(lambda: served.now.time > before + 0.02, "20 ms of the plant")
+    truth = served.now
+    assert truth.time <= clock.now_ns(scratch) * 1e-9
+    assert truth.motor_force.tolist() == NO_MOTOR and np.isfinite(truth.position).all()
+
+
+def test_a_silent_servos_motor_is_cut_when_the_watchdog_is_over_by_the_plants_own_time(served, link):
+    scratch, last, seen = clock.scratch(), [0], []
+
+    def pushes():
+        last[0] = int(clock.now_ns(scratch))
+        link.write(link.memory, last[0], last[0] + 1_000_000, 1_000_000, 1, np.array([0.5, 0.0, 0.0]))
+        return served.now.motor_force[0] != 0.0
+
+    until(link.present, "the device is present")
+    until(pushes, "the motor pushes")
+    cut = (last[0] + WATCHDOG) * 1e-9
+
+    def past():
+        seen.append(served.now.copy())
+        return seen[-1].time > cut
+
+    until(past, "the plant is past the cut")
+    for truth in seen:
+        assert (truth.motor_force[0] != 0.0) == (truth.time <= cut) or truth.time <= last[0] * 1e-9
+    assert not served.now.driven and served.control[simulated_device.TRIPS] >= 1
+    until(pushes, "the motor pushes again")
+    served.stop()
+    truth = served.now
+    assert truth.motor_force.tolist() == NO_MOTOR and not truth.driven
+    assert served.memory["motor_force"].tolist() == [NO_MOTOR]
+
+
+def test_the_servo_runs_on_the_page_takes_its_home_and_leaves_the_motor_at_zero(served, servo):
+    thread = servo(home=HOME)
+    thread.start()
+    assert ticks(thread, 20).position.tolist() == pytest.approx(HOME, abs=2e-5) and thread.running
+    rows = thread.ring.take(1000)
+    assert np.diff(rows["tick"]).tolist() == [1.0] * (len(rows) - 1)
+    thread.stop()
+    block = np.zeros(shared_memory.SERVO_WORDS, np.int64)
+    shared_memory.read_servo(served.page.words, block)
+    assert not thread.running and block[4:].tolist() == [0, 0, 0, 0]
+    thread.link.close()
+    until(lambda: not served.now.driven, "the plant is free")
+
+
+@kernel(hardware_interface.READ)
+def read_later(memory, deadline, give_up, sample):
+    if memory[0] > 0:
+        memory[0] -= 1
+        return 0
+    sample[:] = 0.0
+    sample[hardware_interface.LATCHED], sample[hardware_interface.COUNTS] = deadline, 6000.0
+    return 1
+
+
+class LateLink(NullDevice):
+    """Always there, at 6000 counts of x, but without a sample in so many reads."""
+
+    def __init__(self, without):
+        super().__init__()
+        self.memory[0], self.read = without, read_later
+
+
+def test_home_is_where_the_first_sample_is_and_before_that_there_is_no_tick_and_the_servo_can_be_stopped(servo):
+    thread = servo(LateLink(without=3), home=HOME)
+    thread.start()
+    row = ticks(thread, 5)
+    assert row.counts.tolist() == [6000.0, 0.0, 0.0] and row.position.tolist() == pytest.approx(HOME)
+    silent = LateLink(without=2**62)
+    thread = servo(silent, home=HOME)
+    thread.start()
+    until(lambda: silent.memory[0] <= 2**62 - 10, "10 reads")
+    assert not thread.running
+    thread.stop()
+    assert thread.row.get()[0].tick == 0 and thread.row.get()[0].deadline == 0.0
+
+
+def test_settings_that_are_put_while_the_home_is_taken_are_not_lost(servo, monkeypatch):
+    thread, newer, others = servo(NullDevice(), home=HOME), settings(), []
+    newer["version"], get = 7, thread.settings.get
+
+    def put_meanwhile():
+        known = get()
+        if threading.current_thread().name == "servo" and not others:
+            others.append(threading.Thread(target=thread.set, args=(newer,)))
+            others[0].start()
+            others[0].join(0.05)  # or longer: it may have to wait until the home is taken
+        return known
+
+    monkeypatch.setattr(thread.settings, "get", put_meanwhile)
+    thread.start()
+    until(lambda: thread.row.get()[0].deadline > 0, "a tick")
+    others[0].join()
+    until(lambda: thread.row.get()[0].parameter_version == 7, "the newer settings")
+    assert thread.row.get()[0].position.tolist() == pytest.approx(HOME)
+
+
+def test_signals_neither_repeat_a_tick_nor_take_missed_ones_back(servo):
+    before = signal.signal(signal.SIGUSR1, lambda number, frame: None)
+    try:
+        thread, rows = servo(NullDevice()), []
+        thread.start()
+        [running] = [one for one in threading.enumerate() if one.name == "servo"]
+
+        def disturb():
+            signal.pthread_kill(running.ident, signal.SIGUSR1)
+            time.sleep(0.0003)
+            rows.append(thread.ring.take(1000))
+
+        until(lambda: sum(map(len, rows)) >= 500, "500 ticks", disturb)
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+    rows = np.concatenate(rows)
+    assert np.diff(rows["deadline"]).min() > 0 and np.diff(rows["missed"]).min() >= 0
+
+
+def test_snapshots_are_had_between_ticks_at_the_highest_rate_too(servo):
+    thread, found = servo(NullDevice(), settings(servo__rate=10000.0)), []
+    thread.start()
+    ticks(thread, 0)
+
+    def look():
+        if (snapshot := thread.snapshot()) is not None:
+            found.append(snapshot["tick"][0])
+
+    until(lambda: len(found) >= 50, "50 snapshots between ticks", look)
+    assert np.all(np.diff(found) >= 0)
+
+
+def test_only_who_attends_keeps_an_enabled_servo_from_being_unattended_and_a_servo_not_enabled_never_is(servo):
+    thread = servo(NullDevice(), settings(fault__unattended=5.0))
+    thread.control[servo_loop.ATTENDED] = 1  # long ago
+    thread.start()
+    ticks(thread, 5)
+    command = thread.order(set_flags=enable_state.ENABLE)
+    until(lambda: int(thread.row.get()[0].command) & enable_state.ENABLE, "a tick that is enabled")
+    assert int(thread.row.get()[0].command) == command
+
+    thread = servo(NullDevice(), settings(fault__unattended=0.2))
+    thread.order(set_flags=enable_state.ENABLE)
+    thread.start()
+
+    def unattended():
+        thread.order(clear_flags=enable_state.CLUTCH)  # as a change of parameters does, again and again
+        return thread.row.get()[0].fault == faults.UNATTENDED
+
+    until(unattended, "the fault unattended")
+
+
+def test_a_record_whose_writer_does_not_end_is_not_taken_and_counted(servo):
+    for mail in ("settings", "tool"):
+        thread = servo(NullDevice())
+        thread.start()
+        ticks(thread, 5)
+        words = getattr(thread, mail).words
+        words[8:] = np.float64(np.nan).view(np.int64)
+        words[0] |= 1
+        until(lambda thread=thread: thread.control[servo_loop.TORN] > 5, "5 torn records")
+        row = thread.row.get()[0]
+        assert np.isfinite(row.position).all() and np.isfinite(row.tool_position).all() and row.fault == 0
+
+
+def test_a_servo_is_compiled_by_whoever_makes_it_and_not_by_its_urgent_thread(servo, monkeypatch):
+    by, realtime = [], servo_loop.realtime
+    monkeypatch.setattr(servo_loop, "realtime", lambda: by.append(threading.current_thread().name) or realtime())
+    thread = servo()
+    thread.start()
+    thread.stop()
+    assert by == [threading.main_thread().name]
+
+
+def test_a_reset_takes_the_wish_to_be_enabled_back(servo):
+    thread = servo()
+    thread.order(set_flags=enable_state.ENABLE | enable_state.ESTOP)
+    thread.reset()
+    assert thread.command == enable_state.RESET
+
+
+@pytest.mark.parametrize(
+    ("function", "error", "sentence"),
+    [
+        ("go_realtime", MemoryError("no room for the servo's thread"), "no room for the servo's thread"),
+        ("os.sched_setscheduler", PermissionError(), "realtime is require: no SCHED_FIFO 80: set `rtprio 98`"),
+    ],
+)
+def test_a_servo_that_cannot_begin_says_why_and_is_not_waited_for(servo, monkeypatch, function, error, sentence):
+    def fails(*arguments):
+        raise error
+
+    monkeypatch.setattr(f"{scheduling.__name__}.{function}", fails)
+    thread = servo(realtime="require")
+    with pytest.raises(type(error), match=sentence):
+        thread.start()
+    assert not thread.running
+
+
+def test_the_servo_alone_ticks_at_whole_periods_and_counts_what_it_missed():
+    late, rows = lateness.alone(1000.0, 0.3, "off")
+    steps = np.diff(rows["deadline"])
+    assert np.all(steps % 1_000_000 == 0)
+    assert late.missed == np.sum(steps // 1_000_000 - 1)
+    assert len(late.sorted_us) == len(rows) > 0 and late.sorted_us[0] >= 0.0
