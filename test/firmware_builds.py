@@ -45,6 +45,12 @@ def fuzzer() -> Path:
 
 
 @functools.cache
+def page_tool(*options) -> Path:
+    """test/page_tool.c, under sanitizers."""
+    return _compiled("_".join(["page_tool", *options]), *SANITIZED, *options, ROOT / "test/page_tool.c")
+
+
+@functools.cache
 def ports() -> ctypes.CDLL:
     """Core, plant and hand, and the functions of test/firmware/*_port.c by which tests reach them."""
     library = ctypes.CDLL(str(_compiled("ports.so", "-O1", "-shared", "-fPIC", *PORTS.glob("*_port.c"), *CORE, *PLANT)))
