@@ -12,6 +12,7 @@ import numpy as np
 from haptic_device import description, yaml_reader
 from haptic_device.link import codec
 from haptic_device.link.codec import COMMAND, CUT, DUE, IDLE, OPENED
+from haptic_device.link_registry import LINKS
 
 DEVICES = Path(__file__).parents[1] / "config/devices"
 EMULATORS = Path(__file__).parent / "emulators"
@@ -46,7 +47,7 @@ def described(name, kind):
     """(options, device) of a description in config/devices with a link of this kind."""
     content = yaml_reader.load(DEVICES / f"{name}.yaml")
     link = content.pop("link")
-    assert link.pop("type") == kind.__name__.rpartition(".")[2]
+    assert LINKS[link.pop("type")] == kind.__name__
     return kind.Options(**link), description.parse(content, name)
 
 

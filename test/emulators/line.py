@@ -14,7 +14,7 @@ import select
 import time
 import tty
 
-STEP = 20_000  # [ns] longest step of a plant, over which the hand's torque is held
+STEP = 50_000  # [ns] longest step of a plant, over which the hand's torque is held
 
 
 def run(emulator, orders=lambda: None):
