@@ -82,22 +82,10 @@ def test_a_first_row_is_waited_for_from_the_recorders_last_word_on_so_long_and_n
     assert found.ended == pytest.approx(limit + 3.0 if early else limit, abs=1.0)
 
 
-def test_without_a_length_rows_are_waited_for_until_ctrl_c(recorded):
-    found = recorded(first=10 * record.HEARING, interrupted=11 * record.HEARING)
-    assert found.said.startswith("recording to ") and found.ended >= 11 * record.HEARING
-
-
 def test_a_field_without_a_value_is_refused_before_anything_is_written(recorded, tmp_path):
     assert recorded(field=["hand"]).said == "refused: trial.fields has 'hand'; write name=value;"
     assert not (tmp_path / "out").exists()
     assert recorded(seconds=4.0, first=6.0, field=["hand=left", "note="]).said.startswith("recording to ")
-
-
-def test_ended_before_anything_was_heard_it_is_refused(recorded):
-    found = recorded(interrupted=10.0)
-    assert (
-        found.said.startswith("refused: nothing was heard of /haptic in domain ") and "recording to" not in found.said
-    )
 
 
 def test_a_bag_begins_when_it_is_opened_but_with_what_is_kept_for_late_joiners():
