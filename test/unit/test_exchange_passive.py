@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whatever samples come: the operator gets no more than the budget, the tool no more than what was shipped."""
 
+import itertools
+
 import numpy as np
 import pytest
 import stalling
@@ -20,57 +22,60 @@ from haptic_sim.exchange.port_limits import BUDGET, Limits
 from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.replay.lockstep import Network
-from haptic_sim.scene.language import Scene, load
+from haptic_sim.scene.language import load
 
 PASSIVE = ("wave", "pspm")
-BOX = {"material": "m", "shapes": [{"box": {"size": [0.06, 0.04]}}]}
-WALL = {"fixed": True, "pose": [-0.15, 0.5, 0.0], "shapes": [{"box": {"size": [0.1, 1.0]}}]}
-BODIES = [
-    BOX | {"name": "floor", "fixed": True, "shapes": [{"half_plane": {"normal": [0, 1]}}]},
-    BOX | {"name": "wall", **WALL},
-    BOX | {"name": "block", "mass": 0.2, "pose": [0.1, 0.02, 0.0]},
-]
-TOOL = {"mass": 0.004, "material": "m", "pose": [0.0, 0.05, 0.0], "shapes": [{"box": {"size": [0.04, 0.03]}}]}
-MATERIALS = {"m": {"friction": 0.3, "restitution": 0.4}}
-BLOCK = {"name": "block", "materials": MATERIALS, "gravity": [0.0, 0.0], "tool": TOOL, "bodies": BODIES}
-BLOCK = Scene.model_validate(BLOCK)
 BOUND = 0.005 + 1e-7  # [J] exchange.budget, and what rounding of a path of newtons makes of it
+FAST = 2000.0, 2.0, 0.25e-3  # stiffness, damping, period
+SLOW = 1000.0, 0.25, 1e-3
 
 
-@pytest.mark.parametrize("late", [adversary.FREE, 0, 20])
-@pytest.mark.parametrize("method", PASSIVE)
-@pytest.mark.parametrize(("stiffness", "damping", "period"), [(1000.0, 0.25, 1e-3), (2000.0, 2.0, 0.25e-3)])
-def test_no_path_that_is_found_gives_more_than_the_budget(method, late, stiffness, damping, period):
-    given, against = one_axis(method, stiffness, damping, period), adversary.Adversary(late, 0.3)
-    found = worst(f"{method} {stiffness:g} {late}", given, against, 600, seed=late + 2)
-    assert found.energy <= BOUND
+def searched():
+    """Name, settings, adversary and seed of each path that is kept."""
+    for method in PASSIVE:
+        for gains, late in itertools.product((SLOW, FAST), (adversary.FREE, 0, 20)):
+            yield f"{method} {gains[0]:g} {late}", one_axis(method, *gains), adversary.Adversary(late, 0.3), late + 2
+        yield f"{method} controlled", one_axis(method, passivity__control=True), adversary.Adversary(loss=0.3), 5
+        # far stronger than the budget: books that hold for full tanks too, at the force limit and with missed ticks
+        for limit, reach, rough in itertools.product((2.0, 20.0), (0.3, 1.0, 5.0), (0, 1)):
+            full = adversary.Adversary(loss=0.2, reach=reach, rough=rough, books=1, full=1)
+            yield f"{method} {limit:g} {reach:g} {rough}", one_axis(method, *FAST, force__limit=limit), full, 3
+
+
+SEARCHED = {name: rest for name, *rest in searched()}
+
+
+@pytest.mark.parametrize("name", SEARCHED)
+def test_no_path_that_is_found_gives_more_than_the_budget_or_is_credited_more_than_the_truth(name):
+    settings, against, seed = SEARCHED[name]
+    found = worst(name, settings, against, 600, seed)
     assert found.overcredit <= 1e-9
-    assert found.force <= given["coupling"]["limit"][0, 0] + 1e-9
-    assert found.change <= given["exchange"]["slew"][0, 0] * period * (1.0 + 1e-9)
+    if not against.books:
+        period = settings["period"][0]
+        assert found.energy <= BOUND
+        assert found.force <= settings["coupling"]["limit"][0, 0] + 1e-9
+        assert found.change <= settings["exchange"]["slew"][0, 0] * period * (1.0 + 1e-9)
+
+
+def test_the_same_search_finds_ten_budgets_from_direct_exchange_and_comes_close_to_the_budget_of_others():
+    for late in (adversary.FREE, 1, 20):
+        found = worst(f"direct {late}", one_axis("direct"), adversary.Adversary(late), 1500, seed=1)
+        assert found.energy > 10.0 * BOUND
+    assert worst("pspm budget", one_axis("pspm"), adversary.Adversary(loss=0.3), 2500, seed=0).energy > 0.5 * BOUND
+    richer = one_axis("pspm", exchange__budget=0.05)
+    assert BOUND < worst("pspm richer", richer, adversary.Adversary(loss=0.3), 2500, seed=0).energy <= 0.05 + 1e-7
+    direct = one_axis("direct")
+    found = adversary.search(direct, adversary.Adversary(loss=0.3), evaluations=200, seed=5)
+    assert found.change > 5.0 * direct["exchange"]["slew"][0, 0] * direct["period"][0]
 
 
 @pytest.mark.parametrize("method", PASSIVE)
-def test_nor_with_the_passivity_controller_on(method):
-    given = one_axis(method, passivity__control=True)
-    found = worst(f"{method} controlled", given, adversary.Adversary(loss=0.3), 600, seed=5)
-    assert found.energy <= BOUND and found.overcredit <= 1e-9
-
-
-def test_samples_change_the_force_of_direct_exchange_faster_than_the_slew_that_the_others_keep():
-    given = one_axis("direct")
-    found = adversary.search(given, adversary.Adversary(loss=0.3), evaluations=200, seed=5)
-    assert found.change > 5.0 * given["exchange"]["slew"][0, 0] * given["period"][0]
-
-
-@pytest.mark.parametrize("reach", [0.3, 1.0, 5.0])
-@pytest.mark.parametrize("limit", [2.0, 20.0])
-@pytest.mark.parametrize("method", PASSIVE)
-def test_no_path_is_found_that_the_tank_is_credited_too_much_for(method, limit, reach):
-    """Far stronger than the budget: it must hold for full tanks too, at the force limit and with missed ticks."""
-    given = one_axis(method, 2000.0, 2.0, 0.25e-3, force__limit=limit)
-    for rough in (0, 1):
-        against = adversary.Adversary(loss=0.2, reach=reach, rough=rough, books=1, full=1)
-        assert worst(f"{method} {limit:g} {reach:g} {rough}", given, against, 400, seed=3).overcredit <= 1e-9
+def test_what_an_encoder_step_hides_is_paid_for(method):
+    given, step = one_axis(method, *FAST), 5e-6
+    given["hardware"]["position_per_count"][:, 0] = step
+    against = adversary.Adversary(coulomb=2000.0 * step / 2.0, reach=0.1, books=1, full=1)
+    at_its_ends = given["coupling"]["limit"][0, 0] * step / 2.0
+    assert worst(f"{method} counts", given, against, 800, seed=4).overcredit <= at_its_ends
 
 
 @few(16)
@@ -89,15 +94,6 @@ def test_nor_in_three_axes_with_a_scaled_device_beside_a_wall_or_with_missed_tic
     assert credited(method, seed, scale, limit, reach, wall, missed) <= 1e-9
 
 
-@pytest.mark.parametrize("method", PASSIVE)
-def test_what_an_encoder_step_hides_is_paid_for(method):
-    given, step = one_axis(method, 2000.0, 2.0, 0.25e-3), 5e-6
-    given["hardware"]["position_per_count"][:, 0] = step
-    against = adversary.Adversary(coulomb=2000.0 * step / 2.0, reach=0.1, books=1, full=1)
-    at_its_ends = given["coupling"]["limit"][0, 0] * step / 2.0
-    assert worst(f"{method} counts", given, against, 800, seed=4).overcredit <= at_its_ends
-
-
 def test_fading_and_returning_costs_what_an_encoder_step_hides_of_its_change_of_force():
     given, step = one_axis("pspm", 2000.0, 2.0, 0.25e-3), 5e-6
     given["hardware"]["position_per_count"][:, 0] = step
@@ -110,20 +106,6 @@ def test_fading_and_returning_costs_what_an_encoder_step_hides_of_its_change_of_
         after(given, memory, row, given["period"][0], 0.0, faults.FRESH)
     assert force == pytest.approx(8.0, rel=0.01)
     assert before - memory["tank"]["level"][0] == pytest.approx(2.0 * 0.5 * force * step / 2.0, rel=0.02)
-
-
-@pytest.mark.parametrize("late", [adversary.FREE, 1, 20])
-def test_the_same_search_finds_paths_that_direct_exchange_gives_ten_budgets_for(late):
-    found = worst(f"direct {late}", one_axis("direct"), adversary.Adversary(late), 1500, seed=1)
-    assert found.energy > 10.0 * BOUND
-
-
-def test_the_budget_is_what_the_search_comes_close_to():
-    found = worst("pspm budget", one_axis("pspm"), adversary.Adversary(loss=0.3), 2500, seed=0)
-    assert found.energy > 0.5 * BOUND
-    richer = one_axis("pspm", exchange__budget=0.05)
-    more = worst("pspm richer", richer, adversary.Adversary(loss=0.3), 2500, seed=0)
-    assert BOUND < more.energy <= 0.05 + 1e-7
 
 
 @few(30)
@@ -167,23 +149,6 @@ def test_the_tool_port_supplies_no_more_than_was_shipped_and_its_budget(scene, m
         assert simulation.ledger.supplied <= shipped - first + budget + 1e-9
 
 
-@pytest.mark.parametrize(("stiffness", "seed"), [(2000.0, 1), (2000.0, 4), (20000.0, 3)])
-def test_a_light_tool_against_a_block_never_takes_more_than_the_tank_of_its_port_holds(stiffness, seed):
-    """4 g in a corner beside a block of 200 g, a coupling without damping, a handle that jumps."""
-    rng, energy_port, handle, shipped, first = np.random.default_rng(seed), port_of("pspm"), np.zeros(3), 0.0, None
-    simulation = Simulation(reduce_scene(BLOCK, "impulse"), 0.25e-3, port=energy_port)
-    for number in range(250):
-        if rng.random() < 0.3:
-            handle = np.array([rng.uniform(-0.2, 0.2), rng.uniform(-0.1, 0.15), rng.uniform(-2, 2)])
-        if rng.random() < 0.1:
-            shipped += rng.uniform(0, 0.5)
-        first = shipped if first is None else first
-        gains = stiffness, 0.0, stiffness * 1e-3, 0.0
-        simulation.exchange(HandleSample(number * 1_000_000, tuple(handle), (0.0,) * 3, *gains, (0.0,) * 3, shipped))
-        assert energy_port.tank >= -1e-12
-        assert simulation.ledger.supplied <= shipped - first + BUDGET + 1e-9
-
-
 @pytest.mark.parametrize("exchange", ["direct", "pspm"])
 def test_a_tool_led_evenly_goes_neither_ahead_nor_behind_whether_a_port_holds_its_handle_or_not(exchange):
     """Nothing brakes it, so that the coupling has no stretch; held at a sub-step's end, the handle would be ahead."""
@@ -217,17 +182,11 @@ def test_a_world_of_several_steps_a_sub_step_draws_the_budget_at_most_and_more_w
     assert 0.9 * budget < told.energy <= budget * (1.0 + 1e-9) < deaf.energy
 
 
-def most_drawn(method, budget):
-    """The most [J] that a search finds against worlds that leave time out, each in its way."""
+@pytest.mark.parametrize("method, budget", [("pspm", 1e-6), ("wave", 0.0)])
+def test_a_world_that_leaves_time_out_draws_the_budget_at_most_or_what_the_waves_have_brought(method, budget):
     every = [(1,), (0, 4), (2, 4, 1), (3, 0, 0, 1)]
     searches = (port_search.search(lambda: port_of(method, budget), handle, 0.25e-3, limits=each) for each in every)
-    return max(found.energy for found in searches)
-
-
-def test_a_world_that_leaves_time_out_draws_the_budget_at_most_or_what_the_waves_have_brought():
-    budget = 1e-6
-    assert 0.5 * budget < most_drawn("pspm", budget) <= budget * (1.0 + 1e-9)
-    assert most_drawn("wave", 0.0) <= 1e-12
+    assert 0.5 * budget <= max(found.energy for found in searches) <= budget * (1.0 + 1e-9) + 1e-12
 
 
 def wave_samples(times, force=1.0):
@@ -238,7 +197,7 @@ def wave_samples(times, force=1.0):
         yield HandleSample(k * 1_000_000, (0.0,) * 3, (0.0,) * 3, *gains, *shipped)
 
 
-@pytest.mark.parametrize("most", [1, 2, 3])
+@pytest.mark.parametrize("most", [1, 3])
 def test_waves_that_time_was_left_out_of_are_played_later_and_move_the_tool_no_farther(most):
     slow, whole = (Simulation(reduce_scene(load("free_space")), port=port_of("wave")) for _ in range(2))
     for sample in wave_samples(400):
@@ -248,14 +207,6 @@ def test_waves_that_time_was_left_out_of_are_played_later_and_move_the_tool_no_f
         assert slow.ledger.supplied <= sample.energy + 1e-12
         assert 0.0 <= slow.method.position[0] <= whole.method.position[0] + 1e-9
     assert slow.counters.sub_steps == most * 399 and slow.method.position[0] > 0.25 * whole.method.position[0]
-
-
-def test_the_direct_tool_port_supplies_more_than_the_budget_in_one_sample():
-    simulation = Simulation(reduce_scene(load("free_space")), port=port_of("direct"))
-    for number in range(20):
-        port = ((0.2 * (number % 2), 0.0, 0.0), (0.0, 0.0, 0.0))
-        simulation.exchange(HandleSample(number * 1_000_000, *port, *GAINS.values()))
-    assert simulation.ledger.supplied > BUDGET
 
 
 SMOOTH = 1.0 + tool_side_tank.DAMPER_SLEW
@@ -268,11 +219,8 @@ def test_no_samples_pull_a_held_tool_harder_than_the_limit_or_change_the_pull_fa
     assert pull <= limits.force * (1.0 + 1e-9)
     assert change <= SMOOTH * limits.slew * 1e-3 * (1.0 + 1e-9)
     assert change > 0.9 * limits.slew * 1e-3  # they come up to it
-
-
-def test_with_direct_exchange_they_do_both():
     pull, change = port_search.fastest(lambda: port_of("direct"), handle, 300)
-    assert pull > Limits().force and change > 10.0 * Limits().slew * 1e-3
+    assert pull > limits.force and change > 10.0 * limits.slew * 1e-3
 
 
 def handle(number, position, velocity, effort, energy):
@@ -333,7 +281,7 @@ def test_whatever_the_tank_holds_the_pull_is_a_finite_share_of_what_is_wanted(ta
 
 @pytest.mark.parametrize("enabled", [True, False])
 def test_counts_that_are_old_pay_nothing_back_and_let_nothing_rise(enabled):
-    given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
+    given = one_axis("pspm", *FAST)
     memory, row, before = pressed(given)
     row["deadline"] += given["period"][0] * 1e9
     row["command"], memory["enable"]["ramp"] = (enable_state.ENABLE, 0.5) if enabled else (0, 1.0)
@@ -346,7 +294,7 @@ def test_counts_that_are_old_pay_nothing_back_and_let_nothing_rise(enabled):
     assert row["engage"][0] == pytest.approx(0.5 + given["period"][0] / given["engage"]["time"][0] if enabled else 0.0)
 
 
-@pytest.mark.parametrize("way", [-3e-4, -1e-5, 0.0, 1e-5, 3e-4])
+@pytest.mark.parametrize("way", [-3e-4, 0.0, 3e-4])
 def test_gains_that_change_on_old_counts_are_paid_for_whatever_the_handle_did_meanwhile(way):
     for change in (0.5, 2.0):
         given = one_axis("pspm", 1000.0, 1.0, 0.25e-3)
@@ -366,40 +314,19 @@ def test_gains_that_change_on_old_counts_are_paid_for_whatever_the_handle_did_me
         assert before - memory["tank"]["level"][0] - energy(memory, row) >= gained - step * np.abs(forces).max()
 
 
-def test_a_push_that_was_let_go_on_old_counts_is_no_credit():
-    given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
-    (memory, row, _), period, way = pressed(given), given["period"][0], -1e-4
-    force, damping = row["force_on_handle"][0, 0], given["hardware"]["damping"][0, 0]
-    memory["spring"]["push"][0, 0] = 1.0
-    row["deadline"] += period * 1e9
-    row["command"] = 0
-    tick(given, memory, row)
-    assert memory["tank"]["level"][0] == 0.0
-    after(given, memory, row, 2.0 * period, way, faults.FRESH)
-    # the hand's best with that force for one period, and none for the next
-    most = 0.5 * force * way - damping * way**2 / (2.0 * period) + force**2 * period / (8.0 * damping)
-    assert most > 0.0 and memory["tank"]["level"][0] <= 0.005 - most + 1e-9
-
-
-@pytest.mark.parametrize("way", [-0.02, 0.02])
-def test_a_device_that_cut_its_motor_leaves_neither_debt_nor_credit_however_the_handle_moved_since(way):
-    given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
+@pytest.mark.parametrize("way", [-1e-3, 1e-3])
+def test_a_long_hold_pays_for_what_the_force_gave_and_leaves_neither_debt_nor_credit_where_the_motor_was_cut(way):
+    given = one_axis("pspm", *FAST)
     memory, row, before = pressed(given)
-    after(given, memory, row, 0.4, way, faults.FRESH | faults.WATCHDOG)
+    stored, force = energy(memory, row), row["force_on_handle"][0, 0]
+    after(given, memory, row, 0.01, way, faults.FRESH)
+    gained = before + stored - memory["tank"]["level"][0] - energy(memory, row)
+    drag = given["hardware"]["damping"][0, 0] * way * way / 0.01
+    assert 0.0 <= gained - (force * way - drag) < 0.1 * abs(force * way)
+    memory, row, before = pressed(given)
+    after(given, memory, row, 0.4, 20.0 * way, faults.FRESH | faults.WATCHDOG)
     assert row["fault"][0] == faults.DEVICE_WATCHDOG and not row["motor"].any()
     assert before > 0.0 and memory["tank"]["level"][0] == 0.0 and memory["spring"]["stiffness"][0, 0] == 0.0
-
-
-def test_one_that_did_not_cut_it_pays_for_what_the_force_gave_over_the_hold_and_is_paid_for_what_it_took():
-    for way in (-1e-3, 1e-3):
-        given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
-        memory, row, before = pressed(given)
-        stored, force = energy(memory, row), row["force_on_handle"][0, 0]
-        after(given, memory, row, 0.01, way, faults.FRESH)
-        gained = before + stored - memory["tank"]["level"][0] - energy(memory, row)
-        drag = given["hardware"]["damping"][0, 0] * way * way / 0.01
-        hidden = 0.1 * abs(force * way)
-        assert 0.0 <= gained - (force * way - drag) < hidden
 
 
 def test_steady_motion_through_a_late_tick_costs_what_the_spring_may_gain_not_what_any_damper_could():
@@ -413,9 +340,9 @@ def test_steady_motion_through_a_late_tick_costs_what_the_spring_may_gain_not_wh
     assert 2.0 / given["period"][0] * (speed * late) ** 2 > 5e-3  # any damper of 2 N s/m could
 
 
-@pytest.mark.parametrize("tank, way", [(4e-3, 0.0), (1e-3, 0.0), (-1e-3, 0.0), (1e-4, 1e-3), (1e-4, 2e-3)])
+@pytest.mark.parametrize("tank, way", [(4e-3, 0.0), (-1e-3, 0.0), (1e-4, 2e-3)])
 def test_what_a_long_hold_leaves_owing_the_spring_pays_at_once_and_no_more(tank, way):
-    given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
+    given = one_axis("pspm", *FAST)
     memory, row, _ = pressed(given)
     force = row["force_on_handle"][0, 0]
     memory["tank"]["level"] = tank
@@ -428,9 +355,7 @@ def test_what_a_long_hold_leaves_owing_the_spring_pays_at_once_and_no_more(tank,
     assert row["force_on_handle"][0, 0] * force > 0.0 and abs(row["force_on_handle"][0, 0]) <= abs(force) * (1.0 + 1e-9)
 
 
-@pytest.mark.parametrize(
-    "method, share, longest", [("local", 0.05, 40), ("pspm", 0.05, 16), ("pspm", 0.02, 40), ("wave", 0.02, 40)]
-)
+@pytest.mark.parametrize("method, share, longest", [("local", 0.05, 40), ("pspm", 0.05, 16), ("wave", 0.02, 40)])
 def test_missed_ticks_by_the_hundred_give_no_more_than_the_budget(method, share, longest):
     """A tool at a wall, of 0.95 of what b covers at the period: a hold of two periods is beyond."""
     given, rows = stalling.pressed(method, 0.95, share, longest)
@@ -469,25 +394,7 @@ def pressed(given):
     return memory, row, float(memory["tank"]["level"][0])
 
 
-@pytest.mark.parametrize("field", ["tool_effort", "tool_velocity", "drag"])
-def test_the_fault_of_what_is_not_a_number_books_no_force(field):
-    given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
-    memory, row, before = pressed(given)
-    stored = virtual_coupling.spring_store(memory["spring"]["stiffness"][0, 0], memory["spring"]["limit"][0, 0], 0.004)
-    row[field] = np.nan
-    if field != "drag":
-        row["tool_position"][0, 0] = 1e3
-    row["latched"] += given["period"][0] * 1e9
-    row["deadline"] = row["latched"]
-    tick(given, memory, row)
-    assert row["fault"][0] == faults.NOT_A_NUMBER and not row["motor"].any()
-    assert (
-        row["engage"][0] == 0.0 and memory["spring"]["factor"][0] == 0.0 and memory["spring"]["stiffness"][0, 0] == 0.0
-    )
-    assert memory["tank"]["level"][0] <= before + stored + 1e-9
-
-
-@pytest.mark.parametrize("late", [1, 5, 20, 100])
+@pytest.mark.parametrize("late", [5, 100])
 def test_a_late_tool_is_behind_the_handle_by_the_way_there_and_no_more(late):
     """20 mm/s: mean speed of a path of 20 mm at 0.5 Hz that ends at a wall in its middle."""
     error, taken = reference("pspm", late, 4.0)
@@ -514,16 +421,17 @@ def test_a_wall_behind_a_bad_network_is_steady_and_passive_and_direct_exchange_i
 
 
 @pytest.mark.parametrize("method", PASSIVE)
-@pytest.mark.parametrize("field", ["tool_position", "tool_velocity", "tool_effort", "tool_energy", "tool_age"])
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_a_sample_that_is_not_a_number_stops_the_motor_and_leaves_the_tank_as_it_was(method, field, value):
-    given, (memory, row) = one_axis(method), adversary.engaged()
-    path, scale = np.zeros((20, adversary.GENES)), adversary.scale_of(given)
-    adversary.energy_given(given, memory, row, path, scale, adversary.Adversary(loss=-9.0), np.zeros(4))
-    tank = float(memory["tank"]["level"][0])
-    row[field] = value
-    row["latched"] += 1e6
-    row["deadline"] = row["latched"]
-    tick(given, memory, row)
-    assert not row["motor"].any() and np.isfinite(row["force_on_handle"]).all()
-    assert memory["tank"]["level"][0] == tank
+@pytest.mark.parametrize("field", ["tool_position", "tool_velocity", "tool_effort", "tool_energy", "tool_age", "drag"])
+def test_what_is_not_a_number_stops_the_motor_and_books_no_force(method, field):
+    for value in (np.nan, np.inf):
+        given = one_axis(method, *FAST)
+        memory, row, before = pressed(given)
+        stored = virtual_coupling.spring_store(*(memory["spring"][of][0, 0] for of in ("stiffness", "limit")), 0.004)
+        row[field] = value
+        after(given, memory, row, given["period"][0], 0.0, faults.FRESH)
+        gone = field == "tool_age"  # an age that is none is that of a tool that is no more
+        assert row["fault"][0] == (faults.NONE if gone else faults.NOT_A_NUMBER)
+        assert not row["motor"].any() and not row["force_on_handle"].any()
+        if not gone:
+            assert row["engage"][0] == memory["spring"]["factor"][0] == memory["spring"]["stiffness"][0, 0] == 0.0
+        assert memory["tank"]["level"][0] <= before + stored + 1e-9
