@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time for kernels: who sleeps until a deadline wakes no sooner."""
+"""Waits of kernels: until a deadline and no shorter, or until a word has changed and its writer wakes."""
 
 import signal
 import threading
+import time
 
+import numpy as np
 import pytest
 
-from haptic_device.realtime import clock
+from haptic_device.realtime import clock, futex
 
-SLEEP = 2_000_000  # [ns]
+MS, HOUR = 1_000_000, 3600 * 1_000_000_000
+SLEEP = 2 * MS
 
 
 @pytest.fixture
@@ -40,7 +43,25 @@ def test_signals_wake_nobody_before_his_deadline(disturb):
     assert len(late) == 50 and min(late) >= 0
 
 
-def test_a_deadline_that_has_passed_is_not_waited_for():
-    scratch = clock.scratch()
-    for deadline in (0, int(clock.now_ns(scratch)) - 1):
-        clock.sleep_until(deadline, scratch)
+def test_whoever_waits_for_a_word_is_woken_by_its_writer():
+    words = np.array([0, 0, 6, 0])
+    until = clock.now_ns(clock.scratch()) + HOUR
+    thread = threading.Thread(target=futex.wait, args=(words, 2, 6, until, clock.scratch()), daemon=True)
+    thread.start()
+    woken = 0
+    while woken == 0 and thread.is_alive():
+        woken = futex.wake(words, 2)
+        time.sleep(0.001)
+    thread.join(60.0)
+    assert not thread.is_alive() and woken == 1
+    assert futex.wake(words, 2) == 0  # nobody waits any more
+
+
+def test_a_word_that_has_changed_is_not_waited_for_and_one_that_nobody_changes_until_the_time():
+    words, scratch = np.array([(1 << 32) + 6, 8]), clock.scratch()  # the upper half does not count
+    until = clock.now_ns(scratch) + HOUR
+    futex.wait(words, 1, 6, until, scratch)
+    assert clock.now_ns(scratch) < until
+    until = clock.now_ns(scratch) + 5 * MS
+    futex.wait(words, 0, int(words[0]), until, scratch)
+    assert clock.now_ns(scratch) >= until
