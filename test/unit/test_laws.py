@@ -30,9 +30,8 @@ def test_spring_forces_on_handle_and_tool_are_equal_and_opposite(stiffness, limi
 
 
 def test_the_spring_pulls_the_handle_towards_the_tool_and_no_harder_than_the_motor_holds():
-    assert virtual_coupling.spring_force(1000.0, 2.0, 0.001) == pytest.approx(1.0)
-    assert virtual_coupling.spring_force(1000.0, 2.0, 0.00201) == 2.0
-    assert virtual_coupling.spring_force(0.0, 2.0, 0.1) == 0.0
+    forces = [virtual_coupling.spring_force(1000.0, 2.0, stretch) for stretch in (0.001, 0.00201, -0.00201)]
+    assert forces == [pytest.approx(1.0), 2.0, -2.0]
 
 
 @given(gain, gain, st.floats(-0.1, 0.1), number)
@@ -106,13 +105,6 @@ def test_a_returning_tool_gets_its_force_back_no_faster_than_it_fades(factor, ag
     assert 0.0 <= following <= min(1.0, factor + PERIOD / FADE + 1e-15)
 
 
-def test_a_fresh_tool_has_its_full_force_after_the_fade_time_and_not_before():
-    factor, ticks = 0.0, 0
-    while factor < 1.0:
-        factor, ticks = exchange_samples.fade_factor(factor, 0.0, PERIOD, HOLD, FADE), ticks + 1
-    assert ticks in (round(FADE / PERIOD), round(FADE / PERIOD) + 1)
-
-
 def test_engaging_waits_for_a_small_wanted_force_and_then_lasts_until_disabled_or_faulted():
     def following(state, small, factor=0.0, enabled=True, faulted=False):
         return enable_state.engage_state(state, enabled, faulted, small, factor)
@@ -126,17 +118,6 @@ def test_engaging_waits_for_a_small_wanted_force_and_then_lasts_until_disabled_o
         assert following(state, True, 1.0, faulted=True) == enable_state.FAULT
         assert following(state, True, 1.0, enabled=False) == enable_state.IDLE
     assert following(enable_state.FAULT, True, 1.0) == enable_state.WAITING
-
-
-def test_forces_rise_evenly_over_the_engage_time_and_fall_at_once():
-    factor, rises = 0.0, []
-    for _ in range(10):
-        factor = enable_state.force_ramp(enable_state.ENGAGING, factor, 0.001, 0.008)
-        rises.append(factor)
-    assert rises[:8] == pytest.approx([(k + 1) / 8 for k in range(8)])
-    assert rises[8:] == [1.0, 1.0]
-    for state in (enable_state.IDLE, enable_state.WAITING, enable_state.FAULT):
-        assert enable_state.force_ramp(state, 1.0, 0.001, 0.008) == 0.0
 
 
 def motion(position=0.0, velocity=0.0, displacement=0.0, elapsed=0.001):
@@ -154,9 +135,9 @@ def test_workspace_velocity_and_jump_are_faults_just_outside_their_limits_and_fi
     assert motion(displacement=1.0, elapsed=0.0) == faults.NONE
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300])
-def test_a_motion_that_is_not_a_number_is_a_fault(value):
-    assert motion(position=value) == motion(velocity=value) == faults.NOT_A_NUMBER
+def test_a_motion_that_is_not_a_number_is_a_fault():
+    for value in (math.nan, math.inf, -math.inf, 1e300):
+        assert motion(position=value) == motion(velocity=value) == faults.NOT_A_NUMBER
 
 
 def test_the_fault_table_names_each_code_once_in_words_without_services():
@@ -164,4 +145,3 @@ def test_the_fault_table_names_each_code_once_in_words_without_services():
     assert len({entry.name for entry in faults.TABLE}) == len(faults.TABLE)
     assert all(entry.title and entry.cause and "zero" in entry.motor for entry in faults.TABLE)
     assert not any("~/" in text for entry in faults.TABLE for text in (entry.title, entry.cause, entry.first))
-    assert faults.name_of(faults.NONE) == "" and faults.name_of(faults.ESTOP) == "estop"

@@ -96,32 +96,19 @@ def test_the_shaking_is_about_where_the_trace_has_the_handle_but_off_the_outer_f
     assert centres == pytest.approx([0.12 - 0.2 * 0.24, -0.12 + 0.2 * 0.28, 12.0 - 0.2 * 24.0])
 
 
-def test_nodes_that_only_a_discovery_server_lets_us_hear_are_not_waited_for_long_and_it_is_named(waited, monkeypatch):
-    monkeypatch.setenv("ROS_DISCOVERY_SERVER", "127.0.0.1:11811")
-    cause = "ROS_DISCOVERY_SERVER is '127.0.0.1:11811': nodes hear of each other only if that server runs"
-    with pytest.raises(ValueError, match=f"and no news for {news.UNSERVED:g} s: {cause}; nothing was heard of"):
-        waited(lambda t: {}, lambda: {"haptic_driver": "[INFO] [1.5]: servo at 4000 Hz"})
-    steps = ("disabled", "engaged")
-    waited(lambda t: {"state": steps[t > 2.0 * news.UNSERVED]})
-
-
-def test_a_line_that_comes_again_with_other_numbers_is_no_news(waited):
-    count = itertools.count()
-    with pytest.raises(ValueError, match="and no news for"):
-        waited(lambda t: {}, lambda: {"haptic_driver": f"[WARN] [1700000{next(count)}.5]: 3 messages are late"})
-
-
-def test_nodes_of_which_nothing_is_heard_are_told_with_what_they_printed_or_with_what_to_do(waited):
+def test_nodes_of_which_nothing_is_heard_are_told_with_what_they_printed_or_with_what_to_do(waited, monkeypatch):
     lack = f"no engaged driver with a loopback is heard in /there, and no news for {news.LIMIT:g} s: "
-    printed = "nothing was heard of haptic_driver, which printed last: compiling; nothing was heard of haptic_loopback"
+    counts = itertools.count()  # in a line that comes again: no news
     with pytest.raises(ValueError) as ended:
-        waited(lambda t: {}, lambda: {"haptic_driver": "compiling"})
-    assert str(ended.value) == lack + printed
-    with pytest.raises(ValueError) as ended:
+        waited(lambda t: {}, lambda: {"haptic_driver": f"{next(counts)} late"})
+    assert str(ended.value).startswith(f"{lack}nothing was heard of haptic_driver, which printed last: ")
+    with pytest.raises(ValueError, match="or let this command start them") as ended:
         waited(lambda t: {})
-    todo = "start both and enable the driver, or let this command start them"
     heard = "nothing was heard of haptic_driver; nothing was heard of haptic_loopback"
-    assert str(ended.value) == f"{lack}{heard}; {todo}"
+    assert str(ended.value).startswith(f"{lack}{heard}; start both and enable the driver")
+    monkeypatch.setenv("ROS_DISCOVERY_SERVER", "127.0.0.1:11811")
+    with pytest.raises(ValueError, match=f"and no news for {news.UNSERVED:g} s: ROS_DISCOVERY_SERVER is '127.0.0.1"):
+        waited(lambda t: {}, lambda: {"haptic_driver": "[INFO] [1.5]: servo at 4000 Hz"})
 
 
 def test_a_simulation_that_answers_late_is_waited_for_while_there_is_news(waited):
@@ -163,13 +150,9 @@ def test_where_the_driver_of_a_pair_of_its_own_falls_into_a_fault_a_tool_begins_
     assert worked(["device_silent"]) == (7, "/there", 2)
     fell = "Device does not answer (fault device_silent): the device did not answer for longer than fault.silence"
     assert capsys.readouterr().err == f"{fell}; both nodes are started anew\n"
-    with pytest.raises(ValueError) as ended:
+    with pytest.raises(ValueError, match="fault.silence again: end what else keeps the machine busy, or take a lower"):
         worked(["device_silent", "device_silent"])
-    todo = "end what else keeps the machine busy, or take a lower servo rate or less force"
-    assert str(ended.value) == f"{fell} again: {todo}"
-
-
-def test_a_fault_of_somebody_elses_driver_is_left_to_them(worked, capsys):
+    capsys.readouterr()
     with pytest.raises(ValueError, match="^haptic_driver is in fault velocity: clear it first"):
         worked(["velocity"], domain=7)
-    assert capsys.readouterr().err == ""
+    assert capsys.readouterr().err == "", "somebody else's driver is left to them"

@@ -58,17 +58,13 @@ def test_another_exchange_keeps_scene_method_and_everything_that_was_changed_whi
     assert "servo.rate" not in started[DRIVER], "what is fixed is said by the operating point as before"
 
 
-def test_walls_that_were_taken_away_do_not_come_back(manager):
-    manager.keep({DRIVER: WALLS})
+def test_what_a_node_was_last_heard_with_is_kept_and_walls_that_were_taken_away_do_not_come_back(manager):
+    manager.keep({DRIVER: WALLS, SIMULATION: {"scene": "four_bar", "method": "auto"}})
     manager.keep({DRIVER: dict.fromkeys(WALLS, [])})
-    assert changed(manager, "delay", 5.0)[DRIVER].items() >= dict.fromkeys(WALLS, []).items()
-
-
-def test_what_a_node_that_is_silent_had_is_kept_as_it_was_last_heard(manager):
-    manager.keep({DRIVER: {"coupling.stiffness": 700.0}, SIMULATION: {"scene": "four_bar", "method": "auto"}})
     manager.keep({})
-    started = changed(manager, "loss", 0.1)
-    assert started[DRIVER]["coupling.stiffness"] == 700.0 and Path(started[SIMULATION]["scene"]).stem == "four_bar"
+    started = changed(manager, "delay", 5.0)
+    assert started[DRIVER].items() >= dict.fromkeys(WALLS, []).items()
+    assert Path(started[SIMULATION]["scene"]).stem == "four_bar"
 
 
 @pytest.mark.parametrize("name", NETWORK)
@@ -80,13 +76,9 @@ def test_a_delay_is_taken_up_to_what_can_be_felt(manager, name):
         changed(manager, name, 200.1)
 
 
-@pytest.mark.parametrize("enable", [True, False])
-def test_a_driver_that_is_started_for_another_delay_enables_itself_only_if_it_may(manager, enable):
-    assert changed(manager, "delay", 5.0, enable)[DRIVER]["auto_enable"] is enable
-    assert changed(manager, "delay", 5.0)[DRIVER]["auto_enable"] is True, "each time anew"
-
-
-def test_nodes_that_are_started_again_do_not_enable_themselves_and_hold_up_nobody_while_they_are_killed(manager):
+def test_a_driver_that_is_started_again_enables_itself_only_if_it_may_and_holds_up_nobody_while_it_is_killed(manager):
+    for enable in (True, False, True):
+        assert changed(manager, "delay", 5.0, enable)[DRIVER]["auto_enable"] is enable
     asyncio.run(manager.start_again([DRIVER]))
     assert manager._nodes.started[DRIVER]["auto_enable"] is False
     assert manager._nodes.killer is not threading.main_thread()

@@ -41,14 +41,10 @@ def test_neither_the_living_nor_the_dead_have_the_id_of_a_successor(monkeypatch,
         assert PROFILES not in os.environ
 
 
-def test_two_kinds_never_draw_the_same_and_all_are_within_what_is_looked_for_on_the_loopback_interface():
+def test_two_kinds_never_draw_the_same_and_all_are_within_what_is_looked_for_on_the_loopback_interface(shared_memory):
     ids = [number for kind in KINDS for number in free_ids(kind)]
     assert len(ids) == len(set(ids)) == EACH * len(KINDS) and max(ids) <= 31
-    assert free_ids("haptic_viewer") == []
-
-
-def test_queues_are_numbered_as_the_ports_of_rtps(shared_memory):
-    assert queues(8) == [shared_memory / "fastrtps_port8176", shared_memory / "fastrtps_port8177"]
+    assert queues(8) == [shared_memory / "fastrtps_port8176", shared_memory / "fastrtps_port8177"]  # ports of RTPS
 
 
 def test_profiles_given_are_kept_and_in_force_again_afterwards(monkeypatch, tmp_path):

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stamps are times of one clock plus one offset: they never go back, and come back to a system clock that was set."""
 
-import time
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -29,10 +27,6 @@ class Clocks:
 @pytest.fixture
 def clocks(monkeypatch):
     return Clocks(monkeypatch)
-
-
-def test_a_stamp_is_the_system_clock_at_that_time(clocks):
-    assert SessionClock().stamp(clocks.now + 5) == clocks.now + clocks.ahead + 5
 
 
 def test_a_thread_that_is_held_up_between_the_clocks_does_not_falsify_the_offset(clocks, monkeypatch):
@@ -72,12 +66,9 @@ def test_stamps_never_go_back_nor_meet_whatever_the_system_clock_is_set_to(step,
 
 def test_a_clock_that_was_set_is_reached_again_and_not_overshot(clocks):
     clock = SessionClock()
+    assert clock.stamp(clocks.now + 5) == clocks.now + clocks.ahead + 5
     clocks.ahead += 20 * STEP + TOLERATED
     for _ in range(100):
         clocks.now += 10**9
         clock.follow()
     assert 0 <= clocks.ahead - clock.offset <= TOLERATED
-
-
-def test_the_real_clocks_are_read_together():
-    assert abs(SessionClock().stamp(time.monotonic_ns()) - time.time_ns()) < 10**9
