@@ -41,10 +41,7 @@ def wall(stiffness, damping=0.0, offset=0.0):
 
 SOFT, STIFF, GUARDED = point(1000.0, 0.5), point(2000.0, 2.0), point(1000.0, 0.5, passivity__control=True)
 MIXED = point(2000.0, 0.05), point(200.0, 1.0)  # stiff and damped at once are more than the device takes
-MIXED_WALLS = (
-    point(100.0, 0.0, **wall(2000.0)),
-    point(100.0, 0.0, **wall(100.0, 1.0)),
-)
+MIXED_WALLS = point(100.0, 0.0, **wall(2000.0)), point(100.0, 0.0, **wall(100.0, 1.0))
 GAINS = (
     point(500.0, 2.0),
     point(1000.0, 0.1),
@@ -57,6 +54,7 @@ WALLS = (
     point(200.0, 1.0, **wall(1000.0, 0.2, 0.003)),
 )
 LATE = 1e-3  # [s], a period at 1 kHz
+EVERY = Adversary(0, 0.2, 0.0, 1.0, 1, delay=3e-4, write=1e-4, beyond=1, orders=1)
 CASES = (
     Case("on time", (SOFT,), 1000.0, Adversary()),
     Case("1 T late", (SOFT,), 1000.0, Adversary(delay=LATE)),
@@ -72,42 +70,27 @@ CASES = (
     Case("live, on time", MIXED, 1000.0, Adversary()),
     Case("live walls, on time", MIXED_WALLS, 1000.0, Adversary()),
     Case("live walls", WALLS, 1000.0, Adversary(delay=LATE)),
-    Case(
-        "all, limit, gains", GAINS, 1000.0, Adversary(0, 0.2, 0.0, 1.0, 1, delay=3e-4, write=1e-4, beyond=1, orders=1)
-    ),
+    Case("all, limit, gains", GAINS, 1000.0, EVERY),
     Case("controller on", (GUARDED,), 1000.0, Adversary(delay=LATE)),
 )
-TEXT = 3.0  # [N s/m] of a device that takes SOFT one period late
 
 
-def settings_of(method, case, damping=None):
-    """SETTINGS of each operating point, for a device with this b [N s/m] or OVER times what the points need.
+def settings_of(method, case):
+    """SETTINGS of each operating point, for a device with OVER times the damping that the points need.
 
     Raises ValueError where the driver would refuse one.
     """
     against, device = case.against, load_device("desktop")
     lateness = against.delay + against.write
     axis = {"counts_per_unit": 1e9, "velocity_limit": 1e6, "workspace": (-1e6, 1e6), "motor_limit": 1e4}
-    axis["damping"] = (
-        OVER * max(_needed(one, case.rate, lateness) for one in case.points) if damping is None else damping
-    )
+    axis["damping"] = OVER * max(_needed(one, case.rate, lateness) for one in case.points)
     axes = (device.axes[0].model_copy(update=axis),)
     device = device.model_copy(update={"axes": axes, "actuation_delay": against.delay, "sensing_delay": 0.0})
     values = defaults(NODES["haptic_driver"])
-    values |= {
-        "exchange.method": method,
-        "servo.rate": case.rate,
-        "exchange.budget": BUDGET,
-        "passivity.budget": BUDGET,
-    }
+    values |= {"exchange.method": method, "servo.rate": case.rate, "passivity.control": False}
+    values |= {"exchange.budget": BUDGET, "passivity.budget": BUDGET}
     # so that fading and engaging come about within a path
-    values |= {
-        "exchange.hold": 0.02,
-        "exchange.fade": 0.01,
-        "engage.time": 0.01,
-        "engage.force": 20.0,
-        "passivity.control": False,
-    }
+    values |= {"exchange.hold": 0.02, "exchange.fade": 0.01, "engage.time": 0.01, "engage.force": 20.0}
     points = [controller_config.settings_from(device, values | one, version) for version, one in enumerate(case.points)]
     for one in points:
         if refused := gain_check.refusal(gain_check.counted(one, lateness)[0], lateness):
@@ -123,9 +106,9 @@ def _needed(values, rate, lateness):
     return need / (1.0 - 0.7 * values.get("cancellation.ratio", 0.0))
 
 
-def drawn(method, case, evaluations, seed=0, damping=None):
+def drawn(method, case, evaluations, seed=0):
     """Most energy [J] beyond the budget that was drawn, or that the books of a full tank were above the truth."""
-    given, each = settings_of(method, case, damping), -(-evaluations // 3)
+    given, each = settings_of(method, case), -(-evaluations // 3)
     full, found = case.against._replace(books=1, full=1), []
     for ticks, against in ((30, full), (60, full), (60, case.against._replace(books=1, reach=0.1))):
         found.append(search(given, against, max(ticks, 3 * case.against.late), each, seed))
