@@ -63,57 +63,46 @@ def test_a_field_is_a_parameter_called_after_its_group_with_unit_limits_choices_
     assert parameters_of(Driver) == (RATE, AUTOSTART, REALTIME, AXES, STIFFNESS, NORMAL, offset)
 
 
-DECLARED = [(node, one) for node, declared in ALL_NODES.items() for one in declared]
+def test_each_declared_parameter_allows_its_own_default_says_what_it_means_and_is_declared_once():
+    for declared in ALL_NODES.values():
+        for parameter in declared:
+            assert check_value(parameter, parameter.default) == parameter.default
+            assert parameter.meaning
+            assert parameter.low < parameter.high
+        assert len({parameter.name for parameter in declared}) == len(declared)
 
 
-@pytest.mark.parametrize(("node", "parameter"), DECLARED, ids=lambda each: getattr(each, "name", each))
-def test_a_declared_parameter_allows_its_own_default_and_says_what_it_means(node, parameter):
-    assert check_value(parameter, parameter.default) == parameter.default
-    assert parameter.meaning and parameter.low < parameter.high
-    assert [one.name for one in ALL_NODES[node]].count(parameter.name) == 1
+DECIMAL, FINITE = "a number with a decimal point in N/m is needed", "a finite number in N/m is needed"
+UNQUOTED = "ROS takes an unquoted y, yes, on, n, no or off for a boolean: put the text in quotes"
+VALUES = [
+    (STIFFNESS, 300, "wall.stiffness is 300 (integer); write 300.0 N/m", 300.0),
+    (STIFFNESS, True, f"wall.stiffness is true (boolean); {DECIMAL}"),
+    (STIFFNESS, "soft", f"wall.stiffness is 'soft' (text); {DECIMAL}"),
+    (STIFFNESS, [], f"wall.stiffness is [] (list); {DECIMAL}"),
+    (STIFFNESS, math.nan, f"wall.stiffness is nan; {FINITE}"),
+    (STIFFNESS, math.inf, f"wall.stiffness is inf; {FINITE}"),
+    (STIFFNESS, -1.0, "wall.stiffness is -1.0 N/m; at least 0.0 N/m is needed", 0.0),
+    (STIFFNESS, 6000.0, "wall.stiffness is 6000.0 N/m; at most 5000.0 N/m is allowed", 5000.0),
+    (RATE, 4000.0, "rate is 4000.0 (decimal number); write 4000 Hz", 4000),
+    (RATE, 0.5, "rate is 0.5 (decimal number); a whole number in Hz is needed"),
+    (RATE, 999, "rate is 999 Hz; at least 1000 Hz is needed", 1000),
+    (RATE, True, "rate is true (boolean); a whole number in Hz is needed"),
+    (AUTOSTART, 1, "autostart is 1 (integer); true or false is needed", True),
+    (REALTIME, "maybe", "realtime is 'maybe'; it must be one of require, prefer, off", "off"),
+    (REALTIME, 3, 'realtime is 3 (integer); put it in quotes: "3"'),
+    (REALTIME, False, f"realtime is false (boolean); {UNQUOTED}"),
+    (AXES, "x", "axes is 'x'; write a list: ['x']", ("x",)),
+    (NORMAL, [0.0, 1.1], "wall.normal[1] is 1.1; at most 1.0 is allowed", (0.0, 1.0)),
+    (NORMAL, [0, 1], "wall.normal[0] is 0 (integer); write 0.0", ()),
+]
 
 
-def test_a_value_of_the_declared_type_within_its_range_comes_back_unchanged():
-    assert check_value(STIFFNESS, 300.0) == 300.0
-    assert check_value(RATE, 1000) == 1000
-    assert check_value(AUTOSTART, False) is False
-    assert check_value(REALTIME, "off") == "off"
+def test_a_refusal_names_parameter_value_and_limit_in_one_sentence_and_what_is_right_comes_back_unchanged():
+    for parameter, value, sentence, *right in VALUES:
+        assert refusal(parameter, value) == sentence
+        assert [check_value(parameter, one) for one in right] == right
     assert check_value(AXES, ["x", "y"]) == ("x", "y")
     assert check_value(NORMAL, array.array("d", [0.0, 1.0])) == (0.0, 1.0)
-    assert check_value(NORMAL, []) == ()
-
-
-@pytest.mark.parametrize(
-    ("parameter", "value", "sentence"),
-    [
-        (STIFFNESS, 300, "wall.stiffness is 300 (integer); write 300.0 N/m"),
-        (STIFFNESS, True, "wall.stiffness is true (boolean); a number with a decimal point in N/m is needed"),
-        (STIFFNESS, "soft", "wall.stiffness is 'soft' (text); a number with a decimal point in N/m is needed"),
-        (STIFFNESS, math.nan, "wall.stiffness is nan; a finite number in N/m is needed"),
-        (STIFFNESS, math.inf, "wall.stiffness is inf; a finite number in N/m is needed"),
-        (STIFFNESS, -1.0, "wall.stiffness is -1.0 N/m; at least 0.0 N/m is needed"),
-        (STIFFNESS, 6000.0, "wall.stiffness is 6000.0 N/m; at most 5000.0 N/m is allowed"),
-        (RATE, 4000.0, "rate is 4000.0 (decimal number); write 4000 Hz"),
-        (RATE, 0.5, "rate is 0.5 (decimal number); a whole number in Hz is needed"),
-        (RATE, 999, "rate is 999 Hz; at least 1000 Hz is needed"),
-        (RATE, True, "rate is true (boolean); a whole number in Hz is needed"),
-        (AUTOSTART, 1, "autostart is 1 (integer); true or false is needed"),
-        (REALTIME, "maybe", "realtime is 'maybe'; it must be one of require, prefer, off"),
-        (REALTIME, 3, 'realtime is 3 (integer); put it in quotes: "3"'),
-        (AXES, "x", "axes is 'x'; write a list: ['x']"),
-        (NORMAL, [0.0, 2.0], "wall.normal[1] is 2.0; at most 1.0 is allowed"),
-        (NORMAL, [0, 1], "wall.normal[0] is 0 (integer); write 0.0"),
-    ],
-)
-def test_a_refusal_names_parameter_value_and_limit_in_one_sentence(parameter, value, sentence):
-    assert refusal(parameter, value) == sentence
-
-
-def test_off_is_a_boolean_in_ros_and_the_refusal_says_to_quote_it():
-    assert refusal(REALTIME, False) == (
-        "realtime is false (boolean); "
-        "ROS takes an unquoted y, yes, on, n, no or off for a boolean: put the text in quotes"
-    )
 
 
 @given(st.floats())
@@ -192,41 +181,31 @@ def test_a_later_section_wins_and_another_namespace_does_not_count(tmp_path):
     assert stiffness == {"/haptic": 1.0, "/left": 2.0, "/right": 3.0}
 
 
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        (
-            "/**/haptic_driver: {ros__parameters: {wall.stifness: 1.0}}",
-            "/**/haptic_driver: wall.stifness is not a parameter of haptic_driver; did you mean wall.stiffness?",
-        ),
-        (
-            "/**/haptic_drver: {ros__parameters: {rate: 2000}}",
-            "haptic_drver is not a node of this package; did you mean haptic_driver?",
-        ),
-        (
-            "haptic_driver: {ros__parameters: {rate: 2000}}",
-            "haptic_driver reaches only a node outside any namespace; write /**/haptic_driver or /haptic/haptic_driver",
-        ),
-        ("/**: {ros__parameters: {zzz: 1}}", "/**: zzz is not a parameter of haptic_driver or haptic_simulation"),
-        ("/**: {ros__parameters: {rate: 1.5}}", "/**: rate is 1.5 (decimal number); a whole number in Hz is needed"),
-        (
-            "/**/haptic_driver: {rate: 2000}",
-            "/**/haptic_driver/rate holds 2000; a node name with ros__parameters below it belongs there",
-        ),
-        ("/**:\n  ros__parameters:\n", "/**/ros__parameters holds no parameters; indent them below it"),
-        (
-            "ros__parameters: {rate: 2000}",
-            "ros__parameters stands without a node name above it, such as /**/haptic_driver",
-        ),
-    ],
-)
-def test_each_mistake_in_a_file_gets_its_sentence(text, sentence):
-    assert sentence in problems(text)
+DRIVER_SAYS, ALL_SAY = "/**/haptic_driver: {ros__parameters: %s}", "/**: {ros__parameters: %s}"
+MISTAKES = {
+    DRIVER_SAYS % "{wall.stifness: 1.0}": (
+        "/**/haptic_driver: wall.stifness is not a parameter of haptic_driver; did you mean wall.stiffness?"
+    ),
+    DRIVER_SAYS % "{axes: [x, y]}": f"/**/haptic_driver: axes[1] is true (boolean); {UNQUOTED}",
+    "/**/haptic_drver: {ros__parameters: {rate: 2000}}": (
+        "haptic_drver is not a node of this package; did you mean haptic_driver?"
+    ),
+    "haptic_driver: {ros__parameters: {rate: 2000}}": (
+        "haptic_driver reaches only a node outside any namespace; write /**/haptic_driver or /haptic/haptic_driver"
+    ),
+    ALL_SAY % "{zzz: 1}": "/**: zzz is not a parameter of haptic_driver or haptic_simulation",
+    ALL_SAY % "{rate: 1.5}": "/**: rate is 1.5 (decimal number); a whole number in Hz is needed",
+    "/**/haptic_driver: {rate: 2000}": (
+        "/**/haptic_driver/rate holds 2000; a node name with ros__parameters below it belongs there"
+    ),
+    "/**:\n  ros__parameters:\n": "/**/ros__parameters holds no parameters; indent them below it",
+    "ros__parameters: {rate: 2000}": "ros__parameters stands without a node name above it, such as /**/haptic_driver",
+}
 
 
-def test_an_unquoted_y_among_the_axes_is_refused_because_ros_reads_a_boolean():
-    [sentence] = problems("/**/haptic_driver: {ros__parameters: {axes: [x, y]}}")
-    assert sentence.startswith("/**/haptic_driver: axes[1] is true (boolean); ROS takes an unquoted y")
+def test_each_mistake_in_a_file_gets_its_sentence():
+    for text, sentence in MISTAKES.items():
+        assert sentence in problems(text)
 
 
 def test_every_mistake_is_listed_and_reading_stops_at_the_first(tmp_path):
@@ -234,23 +213,6 @@ def test_every_mistake_is_listed_and_reading_stops_at_the_first(tmp_path):
     assert len(problems(text)) == 3
     with pytest.raises(ValueError, match=r"point.yaml: /\*\*/haptic_driver: rate is 5 Hz; at least 1000 Hz is needed"):
         operating_point(tmp_path, text)
-
-
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        ("a: 1\na: 2\n", "a is written twice, the second time in line 2"),
-        ("a: [1, 2\n", "line 2 is not YAML"),
-        ("- 1\n", "the file holds no mapping of names to values"),
-        ("", "the file holds no mapping of names to values"),
-        ("a: &b 1\nc: *b\n", "line 2 is not YAML: ROS 2 parameter files have no aliases"),
-        ("? [1]\n: 2\n", "line 1 has no plain name where one belongs"),
-        ("a: \x07", "this is not a YAML text"),
-    ],
-)
-def test_a_file_that_is_no_plain_mapping_is_refused_with_its_line(text, sentence):
-    with pytest.raises(ValueError, match="^" + sentence):
-        yaml_reader.loads(text, ros=True)
 
 
 @few(30)
@@ -264,9 +226,7 @@ def test_any_text_is_either_read_or_refused_in_one_line(text):
         assert all("\n" not in sentence for sentence in operating_point_problems(document, NODES))
 
 
-@pytest.mark.parametrize(
-    "value", [-1.5, 3, True, "off", 'two\nlines "so"', "", (0.5, 1e-9), (), ("y", "a=b"), 1e300, -0.0]
-)
-def test_a_value_that_is_written_is_read_as_it_was(value):
-    found = parameters.read_value(parameters.text_of(value))
-    assert (tuple(found) if isinstance(found, list) else found) == value
+def test_a_value_that_is_written_is_read_as_it_was():
+    for value in (-1.5, 3, True, "off", 'two\nlines "so"', "", (0.5, 1e-9), (), ("y", "a=b"), 1e300, -0.0):
+        found = parameters.read_value(parameters.text_of(value))
+        assert (tuple(found) if isinstance(found, list) else found) == value
