@@ -12,6 +12,8 @@ import time
 import zlib
 from typing import NamedTuple
 
+from link_device import stuffed
+
 HELLO, GREETING, COMMAND, SAMPLE, CLOCK, CLOCK_ANSWER, TARGET, TRUTH = range(1, 9)
 CUT, ESTOP, HOT, END_SWITCH, BROKEN_ENCODER, CLAMPED = 2, 4, 8, 16, 32, 128  # bits of a sample's flags
 ENGAGED = 1  # of a command's
@@ -106,13 +108,7 @@ def unpack(frame):
 
 def cobs_encode(data):
     """COBS (Cheshire and Baker 1999), without the 0 that ends a frame."""
-    coded = bytearray()
-    for piece in (data + b"\0").split(b"\0")[:-1]:
-        while len(piece) >= 254:
-            coded += b"\xff" + piece[:254]
-            piece = piece[254:]
-        coded += bytes([len(piece) + 1]) + piece
-    return bytes(coded)
+    return stuffed(data)[:-1]
 
 
 def cobs_decode(coded):
