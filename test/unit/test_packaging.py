@@ -11,8 +11,6 @@ import xml.etree.ElementTree as ElementTree
 from importlib.metadata import distribution, packages_distributions
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).resolve().parents[2]
 EXECUTABLES = sorted(path.name for path in (ROOT / "scripts").iterdir())
 
@@ -65,25 +63,19 @@ def test_pins_are_versions_only():
     assert all(line.count("==") == 1 and "/" not in line and "@" not in line for line in lines)
 
 
-@pytest.fixture
-def no_python(tmp_path):
-    """A folder of commands whose Pythons all exist and fail, as version-manager shims do."""
-    folder = tmp_path / "bin"
+def test_setup_says_what_is_missing_when_no_python_works(tmp_path):
+    """All Pythons are there and fail, as the shims of version managers do."""
+    folder, clone = tmp_path / "bin", tmp_path / "clone"
     folder.mkdir()
+    clone.mkdir()
     for name in ("python3", "python3.11", "python3.12", "python3.13"):
         (folder / name).write_text("#!/bin/sh\nexit 127\n")
         (folder / name).chmod(0o755)
     for name in ("bash", "make", "git", "sh"):
         (folder / name).symlink_to(shutil.which(name))
-    return folder
-
-
-def test_setup_says_what_is_missing_when_no_python_works(no_python, tmp_path):
-    clone = tmp_path / "clone"
-    clone.mkdir()
     for name in ("Makefile", "setup.py", "setup.cfg", "constraints.txt"):
         shutil.copy2(ROOT / name, clone / name)
-    environment = {"PATH": str(no_python), "HOME": str(clone)}
+    environment = {"PATH": str(folder), "HOME": str(clone)}
     done = subprocess.run(["make", "setup"], cwd=clone, env=environment, capture_output=True, text=True)
     assert done.returncode != 0
     assert "setup: no Python 3.11, 3.12 or 3.13 with venv found" in done.stderr
