@@ -33,12 +33,13 @@ BRIDGE = {"haptic_bridge": "haptic_device.nodes.bridge"}
 SLOW = {
     "servo__rate": 1000.0,
     "publish__rate": 100.0,
-    "coupling__stiffness": 1000.0,
+    "coupling__stiffness": 400.0,
     "coupling__damping": 1.0,
     "coupling__rotational_stiffness": 1.0,
     "coupling__rotational_damping": 0.001,
 }
-"""Of a driver in a test of what it says and refuses: slower, it leaves more of the processors to the others."""
+"""Of a driver in a test of what it says and refuses: slower, it leaves more of the processors to the others; and soft,
+for gains that the device's damping does not bear with a servo that is milliseconds late are refused."""
 CUT = "device_watchdog"
 STEADY = {"motor_watchdog": 2.0}  # [s] of a loopback whose servo may be held up by whatever else the machine does
 PATIENT = {"fault__silence": 1.0, "fault__unattended": 0.0}  # of a driver whose device and Python may be

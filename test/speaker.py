@@ -41,12 +41,12 @@ class Speaker(Served):
         for number in numbers:
             self._publishers[topic].publish(joints(("x", "y"), [number, -number], time.time_ns()))
 
-    def meet(self, bag, topic):
-        """Publishes probes until the first of them is in the bag."""
+    def meet(self, bag, topic, number=PROBE):
+        """Publishes this number until it is in the bag."""
 
         def there():
-            self.say(topic, PROBE)
-            return len(kept(bag, topic))
+            self.say(topic, number)
+            return number in kept(bag, topic)
 
         self.until(there, f"a message of {topic} in {bag}")
 

@@ -7,8 +7,9 @@ from live_nodes import HOLDING
 
 from haptic_sim.service_requests import set_parameters
 
-WALL = {"wall.normals": [1.0, 0.0], "wall.offsets": [-0.01], "wall.stiffness": [2000.0], "wall.damping": [0.0]}
-WALL |= HOLDING
+WALL = {"wall.normals": [1.0, 0.0], "wall.offsets": [-0.01], "wall.stiffness": [400.0], "wall.damping": [0.0]}
+WALL |= {"coupling.stiffness": 100.0, "coupling.damping": 0.1, **HOLDING}
+"""Soft, so that it is taken of a servo that other work on the machine makes milliseconds late."""
 ERROR = 2
 
 
@@ -23,7 +24,7 @@ def press(ear):
     """Has the hand press the wall until the motor holds more than 5 N against it."""
     ear.go_to(0.0)
     ear.engaged()
-    ear.go_to(-0.025)
+    ear.go_to(-0.06)
     ear.truth(lambda truth: ear.motor(truth)[0] > 5.0, what="the motor holds 5 N")
 
 

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 from ear import SIMULATION, Peer
-from live_nodes import refusal_of
 from waiting import exit_code
 
 from haptic_device.control import exchange_samples
@@ -52,15 +51,9 @@ def test_the_tool_meets_the_flap_of_the_example_again_after_a_reset_and_after_th
         meets_the_flap(peer)
         assert peer.load_scene("free_space") == (True, "scene is free_space")
         meets_the_flap(peer)
-        assert peer.call("reset_scene")[0]
-        meets_the_flap(peer)
         assert peer.set("method", "auto", SIMULATION) == (True, "")
         assert peer.load_scene("free_space") == (False, REFUSAL)
         assert touches(peer.lead(BEHIND_THE_FLAP))
         node.send_signal(signal.SIGINT)
         assert exit_code(node) == 0
     assert "Traceback" not in log.read_text()
-
-
-def test_a_node_with_bodies_of_its_own_refuses_to_start_with_a_scene_that_takes_none(start):
-    assert refusal_of(start(COMMAND, stdout=subprocess.PIPE, stderr=subprocess.PIPE)) == f"haptic_simulation: {REFUSAL}"

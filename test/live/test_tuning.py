@@ -5,7 +5,6 @@ import contextlib
 
 import pytest
 from live_nodes import DISPLAY
-from waiting import until
 
 from haptic_sim.supervision.processes import NAMESPACE
 from haptic_sim.supervision.tuning import Tuning
@@ -31,15 +30,6 @@ def tuning(display, ros_domain):
         yield tuning
 
 
-def test_gains_are_as_they_were_after_an_interrupt(tuning):
-    before = tuning.get(GAINS)
-    with pytest.raises(KeyboardInterrupt), tuning.as_found(GAINS):
-        tuning.set(**WALL, passivity__policy="off", coupling__stiffness=10.0)
-        assert tuning.get(["wall.stiffness"]) == {"wall.stiffness": (300.0,)}
-        raise KeyboardInterrupt
-    assert tuning.get(GAINS) == before
-
-
 def test_gains_that_the_policy_would_not_take_any_more_are_put_back_too(tuning):
     tuning.set(passivity__policy="off", coupling__stiffness=50000.0)
     tuning.set(passivity__policy="enforce")
@@ -61,11 +51,6 @@ def test_a_tool_gives_way_to_somebody_else_who_changes_its_gains(tuning, ros_dom
     assert tuning.get(GAINS) == before
 
 
-def test_a_refusal_of_the_driver_is_its_sentence_and_changes_nothing(tuning):
-    with tuning.as_found(GAINS), pytest.raises(ValueError, match="haptic_driver refused: .*wall.stiffness"):
-        tuning.set(**{**WALL, "wall__stiffness": (90000.0,)})
-
-
 def test_under_enforce_nothing_beyond_a_walls_bound_is_taken_and_a_soft_wall_is_with_cancellation_before_it(tuning):
     bound = 2.0 * (3.0 - 0.1) * 1000.0
     with tuning.as_found((*GAINS, *FREE, "cancellation.band")):
@@ -85,17 +70,6 @@ def test_a_driver_in_fault_is_refused(tuning):
             tuning.watch(3.0)
     finally:
         tuning.recover()
-
-
-def test_the_hand_goes_where_it_is_aimed(tuning):
-    for x, y in ((0.02, 0.01), (0.0, 0.0)):
-
-        def there(x=x, y=y):
-            tuning.aim((x, y, 0.0))
-            tuning.look()
-            return abs(tuning.truths[-1]["x"][0] - x) < 2e-3 and abs(tuning.truths[-1]["y"][0] - y) < 2e-3
-
-        until(there, f"the hand at {x}, {y}")
 
 
 def test_a_namespace_without_nodes_is_told_in_a_sentence(ros_domain, monkeypatch):

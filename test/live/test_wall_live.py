@@ -1,22 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A rigid wall on live nodes, behind 20 ± 10 ms and 10 % loss, and by the tool in the servo: felt, without energy.
+"""A rigid wall on live nodes, by the tool in the servo: felt, without energy, also where its sets stop.
 
-How steady and stiff it is, and what `direct` gives in its place, is judged in lock-step (test_exchange_passive.py,
-test_local.py).
+How steady and stiff it is, and a wall behind a bad network, is judged in lock-step (test/unit/test_local.py,
+test_exchange_passive.py), and over two network namespaces (test/soak/test_real_network.py).
 """
 
-import itertools
 import threading
 
 import pytest
 from live_nodes import DISPLAY
 
 from haptic_device.nodes import messages
-from haptic_sim.supervision.system import FAR
 
+pytestmark = pytest.mark.realtime
 OUT, IN = 0.02, 0.005  # [m] of the hand; the wall's tool touches at 0.01
 PRESSED, BUDGET = 1.0, 0.005  # [N] and more is the wall, [J]
-NETWORK = {"delay": 0.02, "jitter": 0.01, "loss": 0.1}
 GAINS = {
     "coupling__stiffness": 2000.0,
     "coupling__damping": 2.0,
@@ -27,32 +25,6 @@ GAINS = {
 
 
 NODES = {"haptic_loopback": DISPLAY["haptic_loopback"]}
-
-
-@pytest.fixture
-def far(nodes, ear):
-    """Driver and simulation with a relay between."""
-    ear.go_to(OUT)
-    nodes.start("haptic_relay", **NETWORK)
-    nodes.start("haptic_simulation", scene="wall", renamed=[f"{near}:={far}" for near, far in FAR.items()])
-    nodes.start("haptic_driver", **GAINS)
-    yield
-    nodes.lack("haptic_driver", "haptic_simulation", "haptic_relay")
-
-
-def test_a_wall_behind_a_bad_network_is_felt_and_gives_no_energy_beyond_the_budget(far, ear):
-    ear.news("haptic_driver", lambda level, message, values: int(values["exchange_answered"]) > 0, what="an answer")
-    ear.engaged()
-    ear.go_to(IN)
-    pushes = itertools.count(1)
-
-    def felt(truth):
-        return ear.motor(truth)[0] > PRESSED and next(pushes) > 500  # truths, which are a second of the plant's
-
-    ear.truth(felt, "the wall pushes the hand for a while")
-    values = ear.news("haptic_driver", lambda *said: True)[2]
-    assert 0 < int(values["exchange_answered"]) < 0.95 * int(values["exchange_sent"])  # a tenth is lost either way
-    assert given(ear) <= BUDGET
 
 
 def given(ear):

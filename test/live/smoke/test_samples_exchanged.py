@@ -42,7 +42,7 @@ def test_a_driver_exchanges_samples_with_a_simulation_that_came_later(display, n
 
 def test_softer_gains_are_taken_while_it_runs_and_told_to_the_simulation(display, handles):
     told = NAMES.index("stiffness")
-    for stiffness in (500.0, 400.0):
+    for stiffness in (300.0, 200.0):
         assert display.set("coupling.stiffness", stiffness) == (True, "")
         handles.clear()
         display.until(

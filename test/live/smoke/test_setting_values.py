@@ -16,22 +16,22 @@ from haptic_sim.supervision.tuning import Tuning
 
 NODES = DISPLAY
 BEYOND = "haptic: coupling.stiffness 90000 N/m with coupling.damping"
-WALL = {"wall.normals": (1.0, 0.0), "wall.offsets": (-0.05,), "wall.stiffness": (300.0,), "wall.damping": (0.1,)}
+WALL = {"wall.normals": (1.0, 0.0), "wall.offsets": (-0.05,), "wall.stiffness": (200.0,), "wall.damping": (0.1,)}
 
 
 def test_a_value_is_set_as_a_parameter_file_has_it_and_got_back_and_one_beyond_its_bound_is_refused(display):
-    done = haptic("set", "haptic_driver", "coupling.stiffness", "9e2")
-    assert (done.returncode, done.stdout, done.stderr) == (0, "900.0\n", "")
+    done = haptic("set", "haptic_driver", "coupling.stiffness", "3e2")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "300.0\n", "")
     refused = haptic("set", "haptic_driver", "coupling.stiffness", "90000")
     assert (refused.returncode, refused.stdout) == (1, "")
     assert refused.stderr.startswith(BEYOND) and refused.stderr.count("\n") == 1
-    assert haptic("get", "haptic_driver", "coupling.stiffness").stdout == "900.0\n"
+    assert haptic("get", "haptic_driver", "coupling.stiffness").stdout == "300.0\n"
 
 
 def test_of_a_request_at_once_with_one_refused_gain_none_is_in_force_and_the_servo_keeps_its_gains(display):
-    assert display.set("coupling.stiffness", 400.0) == (True, "")
+    assert display.set("coupling.stiffness", 200.0) == (True, "")
     before = display.told(get_parameters("haptic_driver", list(WALL)))
-    wishes = WALL | {"coupling.stiffness": 300.0, "wall.stiffness": (90000.0,)}
+    wishes = WALL | {"coupling.stiffness": 100.0, "wall.stiffness": (90000.0,)}
     entries = [Parameter(name, value=value).to_parameter_msg() for name, value in wishes.items()]
     request = SetParametersAtomically.Request(parameters=entries)
     result = display.ask("haptic_driver/set_parameters_atomically", request).result
@@ -41,7 +41,7 @@ def test_of_a_request_at_once_with_one_refused_gain_none_is_in_force_and_the_ser
     display.handles.clear()
     told = exchange_names(3).index("stiffness")
     display.until(lambda: len(display.handles) > 20, "handle samples after the refusal")
-    assert {handle.position[told] for handle in display.handles} == {400.0}
+    assert {handle.position[told] for handle in display.handles} == {200.0}
     display.hear_handles(False)
 
 
@@ -54,6 +54,6 @@ def test_gains_are_as_they_were_after_an_interrupt_of_the_tool_that_set_them(dis
         with pytest.raises(KeyboardInterrupt), tuning.as_found(gains):
             walls = {name.replace(".", "__"): value for name, value in WALL.items()}
             tuning.set(**walls, passivity__policy="off", coupling__stiffness=10.0)
-            assert tuning.get(["wall.stiffness"]) == {"wall.stiffness": (300.0,)}
+            assert tuning.get(["wall.stiffness"]) == {"wall.stiffness": (200.0,)}
             raise KeyboardInterrupt
         assert tuning.get(gains) == before
