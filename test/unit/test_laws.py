@@ -78,12 +78,6 @@ def test_scaling_between_device_and_world_keeps_power(position, velocity, force,
     assert kinematics.to_device_force(force, scale) * velocity == pytest.approx(power_in_world, rel=1e-9, abs=1e-12)
 
 
-@given(number, number, st.floats(0.01, 10.0), number)
-def test_the_handle_stays_in_the_world_while_the_clutch_is_open(before, after, scale, offset):
-    world = kinematics.to_world(before, scale, offset)
-    assert kinematics.to_world(after, scale, kinematics.clutched_offset(world, after, scale)) == pytest.approx(world)
-
-
 HOLD, FADE, PERIOD = 0.06, 0.14, 0.001
 
 

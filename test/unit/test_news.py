@@ -111,17 +111,6 @@ def test_nodes_of_which_nothing_is_heard_are_told_with_what_they_printed_or_with
         waited(lambda t: {}, lambda: {"haptic_driver": "[INFO] [1.5]: servo at 4000 Hz"})
 
 
-def test_a_simulation_that_answers_late_is_waited_for_while_there_is_news(waited):
-    def said(t):
-        return {"state": "engaged" if t > 0.9 * news.LIMIT else "disabled", "exchange_answered": f"{t > when:d}"}
-
-    when = 1.8 * news.LIMIT
-    waited(said, of="wait_answered")
-    when = 2.0 * news.LIMIT
-    with pytest.raises(ValueError, match="no simulation answers the driver, and no news .* haptic_driver says: eng"):
-        waited(said, of="wait_answered")
-
-
 @pytest.fixture
 def worked(monkeypatch):
     """worked(faults, domain) does some work on nodes whose driver falls into each of these faults, one at a time."""

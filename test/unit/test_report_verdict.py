@@ -53,17 +53,12 @@ def test_a_fault_at_the_end_ended_the_run_and_one_that_was_cleared_did_not(judge
     assert (found.level, found.ending) == (level, words)
 
 
-@pytest.mark.parametrize(
-    ("fraction", "level", "words"),
-    [("0.95", GOOD, "Job done: insertion fraction 95 %."), ("0.94", BAD, "Job not done: insertion fraction 94 % of")],
-)
-def test_the_job_is_done_from_the_least_of_its_goal_on(judged, monkeypatch, fraction, level, words):
-    monkeypatch.setitem(SAID, "result.insertion_fraction", fraction)
-    found = judged()
-    assert found.level == level and words in found.ending
-
-
-def test_the_greatest_value_of_a_measure_is_told_where_it_is_not_the_last(judged, monkeypatch):
+def test_the_job_is_done_from_the_least_of_its_goal_on_and_the_most_of_another_measure_is_told(judged, monkeypatch):
+    for said, level, words in (("0.95", GOOD, "Job done: insertion fraction 95 %."), ("0.94", BAD, "Job not done: ")):
+        monkeypatch.setitem(SAID, "result.insertion_fraction", said)
+        found = judged()
+        assert found.level == level and words in found.ending
+    monkeypatch.delitem(SAID, "result.insertion_fraction")
     monkeypatch.setattr(summary, "greatest_results", lambda recording: {"pressed": 0.99})
     monkeypatch.setitem(SAID, "result.pressed", "0.1")
     assert judged().ending == "No fault. Pressed 10 % at the end, 99 % at most."

@@ -50,17 +50,17 @@ def test_a_frame_is_of_its_namespace():
 def test_the_urdf_is_a_chain_from_base_to_handle_with_the_limits_of_the_axes(name):
     device = load_device(name)
     robot = ElementTree.fromstring(urdf(device, "/haptic"))
-    joints = robot.findall("joint")
-    assert [joint.get("name") for joint in joints] == [axis.name for axis in device.axes]
-    ends = [(joint.find("parent").get("link"), joint.find("child").get("link")) for joint in joints]
-    names = [link.get("name") for link in robot.findall("link")]
-    assert ends == list(zip(names, names[1:], strict=False))
+    names, joints = [link.get("name") for link in robot.findall("link")], robot.findall("joint")
     assert (names[0], names[-1]) == ("haptic_base_link", "haptic_handle")
-    for joint, axis in zip(joints, device.axes, strict=True):
+    for joint, axis, ends in zip(joints, device.axes, zip(names, names[1:], strict=False), strict=True):
         limit = {key: float(value) for key, value in joint.find("limit").items()}
         assert (limit["lower"], limit["upper"]) == axis.workspace
         assert (limit["velocity"], limit["effort"]) == (axis.velocity_limit, axis.motor_limit)
         assert joint.get("type") == ("revolute" if axis.name == "theta" else "prismatic")
+        assert (joint.get("name"), joint.find("parent").get("link"), joint.find("child").get("link")) == (
+            axis.name,
+            *ends,
+        )
 
 
 def test_the_transforms_end_where_the_handle_is_and_begin_at_the_map(tf):
