@@ -4,12 +4,14 @@
 Motors, counts and forces are tuples of 3; times are ns of the device's clock.
 """
 
+import itertools
 import os
 import select
 import socket
 import struct
 import time
 import zlib
+from collections import namedtuple
 from typing import NamedTuple
 
 from link_device import stuffed
@@ -41,52 +43,33 @@ class Frame(NamedTuple):
     payload: tuple
 
 
-class Greeting(NamedTuple):
-    name: bytes
-    firmware: int
-    axes: int
-    counts_per_unit: tuple
-    largest_motor: tuple
-    shortest_period: int
-    watchdog: int
-    counter_bits: int
-    features: int
+def _content(name, parts):
+    """A named tuple of the parts of a payload, and what makes it of a frame; `counts:3` is a tuple of three."""
+    names, sizes = zip(*(part.split(":") for part in parts.split()), strict=True)
+    ends = list(itertools.accumulate(map(int, sizes)))
+    kind = namedtuple(name, names)
+
+    def content(frame):
+        places = zip([0, *ends], ends, strict=False)
+        pieces = [frame.payload[low:high] for low, high in places]
+        return kind(*(piece[0] if len(piece) == 1 else piece for piece in pieces))
+
+    return content
 
 
-class Sample(NamedTuple):
-    deadline: int
-    sampled: int
-    applied: int
-    counts: tuple
-    temperature: int
-    reserved: int
-    damper: tuple
-
-
-class Truth(NamedTuple):
-    time: int
-    position: tuple
-    velocity: tuple
-    operator_force: tuple
-    motor_force: tuple
-    target: tuple
-    target_velocity: tuple
-    energy: float
+_greeting = _content(
+    "Greeting",
+    "name:1 firmware:1 axes:1 counts_per_unit:3 largest_motor:3 shortest_period:1 watchdog:1 counter_bits:1 features:1",
+)
+sample = _content("Sample", "deadline:1 sampled:1 applied:1 counts:3 temperature:1 reserved:1 damper:3")
+truth = _content(
+    "Truth", "time:1 position:3 velocity:3 operator_force:3 motor_force:3 target:3 target_velocity:3 energy:1"
+)
 
 
 def greeting(frame):
-    p = frame.payload
-    return Greeting(p[0].rstrip(b"\0"), p[1], p[2], p[3:6], p[6:9], *p[9:])
-
-
-def sample(frame):
-    p = frame.payload
-    return Sample(*p[:3], p[3:6], p[6], p[7], p[8:])
-
-
-def truth(frame):
-    p = frame.payload
-    return Truth(p[0], *(p[i : i + 3] for i in range(1, 19, 3)), p[19])
+    told = _greeting(frame)
+    return told._replace(name=told.name.rstrip(b"\0"))
 
 
 def pack(kind, session, sequence, *payload, flags=0, answers=0, version=1):

@@ -27,12 +27,9 @@ def velocity_from(positions, longest=16):
     )
 
 
-def test_plain_difference_is_the_papers_and_a_missing_sample_keeps_the_estimate():
+def test_velocity_is_the_papers_difference_behind_its_lowpass_and_a_missing_sample_keeps_the_estimate():
     assert velocity_estimator.velocity_of(0.3, 2e-4, 1e-3, 0.0) == pytest.approx(0.2)
     assert velocity_estimator.velocity_of(0.3, 0.0, 0.0, 0.0) == 0.3
-
-
-def test_lowpass_reaches_a_steady_velocity_and_the_first_part_of_a_step_by_its_lag():
     velocity = velocity_estimator.velocity_of(0.0, 0.2 * TICK, TICK, 3.0 * TICK)
     assert velocity == pytest.approx(0.2 / 4.0)
     for _ in range(200):
@@ -61,44 +58,32 @@ def test_adaptive_window_is_quieter_than_the_difference_on_a_slow_quantized_moti
     assert noise("adaptive_window") < 0.2 * noise("backward_difference")
 
 
-def circle(ratio, source="model", described=1.0, true=1.0, sensor=None):
-    """Apparent damping [N s/m] in free space of a device of damping `true` that is described with `described`."""
+def circle(ratio, source="model", described=1.0, **sensor):
+    """Apparent damping [N s/m] in free space of a device of damping 1 N s/m that is described with `described`."""
     hand = {"motion__name": "circle", "motion__radius": 0.03, "motion__turns": 3.0, "motion__duration": 3.0}
-    driver = values(
-        "haptic_driver",
-        cancellation__ratio=ratio,
-        cancellation__source=source,
-        coupling__stiffness=0.0,
-        coupling__damping=0.0,
-        engage__time=0.05,
-    )
+    cancelled = {"cancellation__ratio": ratio, "cancellation__source": source, "engage__time": 0.05}
+    driver = values("haptic_driver", coupling__stiffness=0.0, coupling__damping=0.0, **cancelled)
     system = Lockstep(device(described, 2e5), driver, values("haptic_loopback", **hand), None)
-    system.plant["damping"][0, :2] = true
-    for name, value in (sensor or {}).items():
+    system.plant["damping"][0, :2] = 1.0
+    for name, value in sensor.items():
         system.plant[name] = value
     rows = system.run(3.0)[3000:]
-    drag = np.sum(-true * rows.velocity[:, :2] ** 2 + rows.force_on_handle[:, :2] * rows.velocity[:, :2])
-    return -drag / np.sum(rows.velocity[:, :2] ** 2), system, rows
+    speed = np.sum(rows.velocity[:, :2] ** 2)
+    return 1.0 - np.sum(rows.force_on_handle[:, :2] * rows.velocity[:, :2]) / speed
 
 
-def test_model_cancellation_leaves_what_its_ratio_leaves():
-    assert circle(0.0)[0] == pytest.approx(1.0, rel=1e-6)
-    assert circle(0.92)[0] == pytest.approx(0.08, abs=0.01)
-
-
-def test_measured_cancellation_needs_no_exact_damping():
-    sensor = {"drag_bandwidth": 2.0 * math.pi * 500.0, "drag_noise": 0.005, "drag_bias": 0.01}
+def test_cancellation_leaves_what_its_ratio_leaves_and_a_measured_one_needs_no_exact_damping():
+    assert circle(0.0) == pytest.approx(1.0, rel=1e-6)
+    assert circle(0.92) == pytest.approx(0.08, abs=0.01)
     for described in (0.7, 1.3):
-        left = circle(0.92, "measured", described, 1.0, sensor)[0]
-        assert abs(left) < 0.15
+        sensor = {"drag_bandwidth": 2.0 * math.pi * 500.0, "drag_noise": 0.005, "drag_bias": 0.01}
+        assert abs(circle(0.92, "measured", described, **sensor)) < 0.15
 
 
-def test_a_bias_of_the_drag_sensor_moves_no_handle_at_rest():
-    assert damping_compensation.measured_cancellation_force(0.9, 0.5, 1.0, 0.0) == 0.0
-    assert damping_compensation.measured_cancellation_force(0.9, -0.5, 1.0, 0.1) == 0.0
-    assert damping_compensation.measured_cancellation_force(0.9, 5.0, 1.0, 0.1) == pytest.approx(
-        0.9 * damping_compensation.GUARD * 0.1
-    )
+def test_a_bias_of_the_drag_sensor_moves_no_handle_at_rest_and_a_drag_beyond_belief_is_guarded():
+    most = 0.9 * damping_compensation.GUARD * 0.1
+    for drag, velocity, force in ((0.5, 0.0, 0.0), (-0.5, 0.1, 0.0), (5.0, 0.1, most)):
+        assert damping_compensation.measured_cancellation_force(0.9, drag, 1.0, velocity) == pytest.approx(force)
 
 
 @given(drag=st.floats(-10, 10), velocity=st.floats(-2, 2))
@@ -115,7 +100,5 @@ def test_cancellation_is_gone_at_the_wall_and_comes_without_a_step():
 
 
 def test_fade_is_full_beyond_the_band_and_with_the_coupling_slack_and_none_at_their_limits():
-    assert damping_compensation.cancellation_fade(0.005, 0.005, 0.0, 0.001) == 1.0
-    assert damping_compensation.cancellation_fade(0.0, 0.005, 0.0, 0.001) == 0.0
-    assert damping_compensation.cancellation_fade(math.inf, 0.005, 0.001, 0.001) == 0.0
-    assert damping_compensation.cancellation_fade(0.0025, 0.005, 0.0005, 0.001) == pytest.approx(0.25)
+    for clearance, stretch, share in ((0.005, 0.0, 1.0), (0.0, 0.0, 0.0), (math.inf, 0.001, 0.0), (0.0025, 5e-4, 0.25)):
+        assert damping_compensation.cancellation_fade(clearance, 0.005, stretch, 0.001) == pytest.approx(share)

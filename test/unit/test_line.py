@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A line to a device: what cannot be opened, what is read and written, and when it is gone."""
 
+import contextlib
 import errno
 import os
 import pty
@@ -8,6 +9,7 @@ import socket
 import termios
 import time
 import tty
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,30 +21,15 @@ from haptic_device.link.open_udp import Options as UdpOptions
 MS = 1_000_000  # [ns]
 
 
-class Terminal:
-    """A pseudo-terminal: `far` is the device's end."""
-
-    def __init__(self):
-        self.far, self.near = pty.openpty()
-        tty.setraw(self.near)
-        self.path = os.ttyname(self.near)
-
-    def unplug(self):
-        """Takes the device's end away."""
-        os.close(self.far)
-        self.far = -1
-
-    def close(self):
-        for end in (self.far, self.near):
-            if end >= 0:
-                os.close(end)
-
-
 @pytest.fixture
 def terminal():
-    terminal = Terminal()
-    yield terminal
-    terminal.close()
+    """The device's end and the host's end of a pseudo-terminal, the latter by its path."""
+    far, near = pty.openpty()
+    tty.setraw(near)
+    yield SimpleNamespace(far=far, path=os.ttyname(near))
+    os.close(near)
+    with contextlib.suppress(OSError):
+        os.close(far)
 
 
 @pytest.fixture
@@ -62,35 +49,24 @@ def refusal(options):
     return str(refused.value)
 
 
-def test_a_port_that_is_not_there_is_named_once(tmp_path):
-    port = str(tmp_path / "line")
-    assert refusal(SerialOptions(port=port)) == f"port {port} cannot be opened: No such file or directory"
+def test_a_port_that_is_none_is_named_once_and_stays_as_it_was(tmp_path, terminal, monkeypatch):
+    gone, file = tmp_path / "line", tmp_path / "file"
+    file.write_text("kept")
+    assert refusal(SerialOptions(port=str(gone))) == f"port {gone} cannot be opened: No such file or directory"
+    assert (
+        refusal(SerialOptions(port="/dev/null")) == "port /dev/null is no serial line: Inappropriate ioctl for device"
+    )
+    assert refusal(SerialOptions(port=str(file))).startswith(f"port {file} is no serial line: ")
+    assert file.read_text() == "kept"
+    for baud in (115201, 12_000_000):
+        said = refusal(SerialOptions(port=terminal.path, baud=baud))
+        assert said.startswith(f"baud is {baud} bit/s; it should be one of ") and ", 9600, " in said
 
-
-def test_a_port_that_may_not_be_opened_says_so(terminal, monkeypatch):
     def forbidden(path, flags):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), path)
 
     monkeypatch.setattr(os, "open", forbidden)
     assert refusal(SerialOptions(port=terminal.path)) == f"port {terminal.path} cannot be opened: Permission denied"
-
-
-@pytest.mark.parametrize("port", ["/dev/null", "/dev/zero"])
-def test_what_is_no_terminal_is_no_serial_line(port):
-    assert refusal(SerialOptions(port=port)) == f"port {port} is no serial line: Inappropriate ioctl for device"
-
-
-def test_a_file_is_no_serial_line_and_stays_as_it_was(tmp_path):
-    file = tmp_path / "file"
-    file.write_text("kept")
-    assert refusal(SerialOptions(port=str(file))).startswith(f"port {file} is no serial line: ")
-    assert file.read_text() == "kept"
-
-
-@pytest.mark.parametrize("baud", [115201, 12_000_000])
-def test_a_baud_that_no_line_has_is_refused_with_those_that_there_are(terminal, baud):
-    said = refusal(SerialOptions(port=terminal.path, baud=baud))
-    assert said.startswith(f"baud is {baud} bit/s; it should be one of ") and ", 9600, " in said
 
 
 @pytest.mark.parametrize("baud", [1200, 4_000_000])
@@ -130,7 +106,7 @@ def heard_all(descriptor, buffer, count):
 def test_a_line_without_bytes_is_not_lost_and_one_without_a_device_is(terminal, opened):
     buffer = np.zeros(8, np.uint8)
     assert line.receive(opened, buffer, 0, False) == 0
-    terminal.unplug()
+    os.close(terminal.far)
     assert line.receive(opened, buffer, 0, False) == line.LOST
     assert not line.send(opened, buffer, 8)
 

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which threads of a process are lifted to a real-time priority, and that what they start is not."""
 
-import functools
 import json
 import os
 import subprocess
@@ -46,33 +45,14 @@ PRIORITY = 3
 ORDINARY = [os.SCHED_OTHER, 0]
 
 
-@functools.cache
-def lifts(wish):
-    """What the threads of a process of its own have, lifted and after that; and whether it may have it."""
+@pytest.mark.parametrize("wish", ["prefer", "require", "off"])
+def test_ordinary_threads_are_lifted_where_wished_and_permitted_but_not_what_they_start_and_then_put_back(wish):
     words = [sys.executable, "-c", _LIFTS, wish, str(PRIORITY)]
     done = subprocess.run(words, env=own_environment(), capture_output=True, text=True, timeout=60, check=True)
     said = json.loads(done.stdout)
-    return said, said["lifted"]["urgent"] == [os.SCHED_FIFO, PRIORITY + 1]
-
-
-@pytest.mark.parametrize("wish", ["prefer", "require"])
-def test_ordinary_threads_of_python_are_lifted_where_permitted_urgent_ones_keep_what_they_have(wish):
-    said, permitted = lifts(wish)
-    expected = [os.SCHED_RR, PRIORITY] if permitted else ORDINARY
-    assert said["lifted"]["main"] == said["lifted"]["ordinary"] == expected
-    assert said["after"]["urgent"] == said["lifted"]["urgent"]
-
-
-def test_what_a_lifted_thread_starts_is_ordinary():
-    said, _ = lifts("prefer")
-    assert said["lifted"]["later"] == ORDINARY and said["child"] == os.SCHED_OTHER
-
-
-def test_put_back_they_are_ordinary_again():
-    said, _ = lifts("prefer")
-    assert [said["after"][name] for name in ("main", "ordinary", "later")] == [ORDINARY] * 3
-
-
-def test_with_realtime_off_nothing_is_changed():
-    said, _ = lifts("off")
-    assert [said["lifted"][name] for name in ("main", "ordinary", "later")] == [ORDINARY] * 3
+    lifted, after = said["lifted"], said["after"]
+    permitted = lifted["urgent"] == [os.SCHED_FIFO, PRIORITY + 1]
+    expected = [os.SCHED_RR, PRIORITY] if permitted and wish != "off" else ORDINARY
+    assert lifted["main"] == lifted["ordinary"] == expected
+    assert lifted["later"] == ORDINARY and said["child"] == os.SCHED_OTHER
+    assert after == {"urgent": lifted["urgent"], "main": ORDINARY, "ordinary": ORDINARY, "later": ORDINARY}
