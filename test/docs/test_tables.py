@@ -15,6 +15,9 @@ import pytest
 import yaml
 from in_process import haptic
 
+from bench.jobs import read_csv
+from bench.methods import table
+from bench.methods.measure import Run
 from haptic_device.control import enable_state, records
 from haptic_device.description import load_device
 from haptic_device.message_fields import AXES, TAIL, exchange_names, frame_id, truth_names
@@ -37,7 +40,7 @@ from haptic_sim.scene.joints import JOINTS, Joint
 from haptic_sim.scene.shapes import SHAPES, Body, Material, Tool
 
 ROOT = Path(__file__).parents[2]
-LAYOUTS = ROOT / "config" / "layouts"
+LAYOUTS, BENCHMARKS = ROOT / "config" / "layouts", ROOT / "docs" / "benchmarks"
 README = ROOT / "README.md"
 TOPICS, LINK, SCENE, FORMATS, CLI, FAULTS, PLATFORM = (
     ROOT / f"docs/reference/{name}.md"
@@ -67,8 +70,8 @@ def cells(page, mark):
     """Cells of the table that begins with this line, or of the first one below this heading; without its head."""
     text = page.read_text(encoding="utf-8")
     begun = re.search(rf"^(?:#+ )?{re.escape(mark)}$", text, re.MULTILINE).start()
-    table = re.search(r"^\|.*?(?=\n\n|\Z)", text[begun:], re.DOTALL | re.MULTILINE).group()
-    return [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()[2:]]
+    shown = re.search(r"^\|.*?(?=\n\n|\Z)", text[begun:], re.DOTALL | re.MULTILINE).group()
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in shown.splitlines()[2:]]
 
 
 def rows(page, heading):
@@ -113,6 +116,11 @@ def head_of_a_frame():
     """Format and length of the head as the page has them."""
     *fields, payload, _ = cells(LINK, "| offset | type | field |")
     return "<" + "".join(LETTERS[kind] for _, kind, _ in fields), int(payload[0])
+
+
+def stored_runs():
+    """Lines of the table that is made of the stored runs."""
+    return table.markdown(read_csv(BENCHMARKS / "speed_error.csv", Run)).splitlines()[2:]
 
 
 def services():
@@ -220,6 +228,10 @@ EQUAL = {  # what the page has, and what the code has
         [named(row[2]) for row in cells(SCENE, "Scene") if row[0] == "`method`"],
         [list(offered())],
     ),
+    "speed against error": lambda: (
+        rows(BENCHMARKS / "speed_error.md", "Speed against error"),  # its head has the versions of the peers that ran
+        [[cell.strip() for cell in row.strip("|").split("|")] for row in stored_runs()],
+    ),
     "topics of the policy for sros2": lambda: (
         {topic.text for topic in ElementTree.parse(ROOT / "docs/reference/sros2/policy.xml").iter("topic")},
         {*first(TOPICS, "Topics")} - {"/parameter_events"},
@@ -260,14 +272,14 @@ def test_each_key_of_the_json_of_a_command_stands_on_its_page(words, tmp_path, m
 
 
 def test_commands_in_the_readme_exist_and_its_small_tables_are_rows_of_the_long_ones():
-    text, benchmarks = README.read_text(encoding="utf-8"), ROOT / "docs/benchmarks"
+    text = README.read_text(encoding="utf-8")
     targets = re.findall(r"^([\w-]+): ", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
     assert set(re.findall(r"`haptic (\w+)", text)) <= set(COMMANDS)
     assert {"demo", "test"} <= set(re.findall(r"make ([\w-]+)", text)) <= set(targets)
-    performance = rows(benchmarks / "performance.md", "Performance")
+    performance = rows(BENCHMARKS / "performance.md", "Performance")
     assert all(row in performance for row in rows(README, "Speed"))
     columns = 0, 1, 3, 4, 7, 8, 9  # scene, method, error, of an exchange, pymunk, Box2D, MuJoCo RK4
-    long = rows(benchmarks / "speed_error.md", "Speed against error")
+    long = rows(BENCHMARKS / "speed_error.md", "Speed against error")
     measured = [[row[column] for column in columns] for row in long]
     assert all(row in measured for row in rows(README, "Speed against error"))
 

@@ -1,19 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is compared is the same problem for every peer; worlds of many bodies are what they say; tables tell truly."""
 
-import csv
-import json
 import math
-import os
 
 import numpy as np
 import pytest
-from in_process import bench
 
-from bench.jobs import read_csv
 from bench.methods import growth, loads, world
-from bench.methods.measure import Run, run
-from bench.methods.world import make, title
+from bench.methods.measure import run
+from bench.methods.world import make
 from haptic_sim.error_metrics import STABLE
 from haptic_sim.protocol import Coupling
 from haptic_sim.reduction import reduce_scene
@@ -108,30 +103,6 @@ def test_a_run_that_takes_too_long_is_ended_and_says_so():
     assert growth.run("row", 10, "partitioned", growth.STEP, 0.1).status == ""
 
 
-def test_the_table_has_a_row_for_each_engine_and_says_which_cannot(tmp_path):
-    pytest.importorskip("Box2D")
-    done = bench("growth", "--short", "--worlds", "chain", "--methods", "partitioned,pymunk,box2d", "--out", tmp_path)
-    assert done.returncode == 0, done.stderr
-    rows = [line for line in done.stdout.splitlines() if line.startswith("| chain")]
-    assert [row.split(" | ")[2] for row in rows] == [
-        "partitioned",
-        title("pymunk"),
-        title("box2d"),
-        f"{title('box2d')}, 50 µs",
-    ]
-    assert ["cannot" in row for row in rows] == [True, False, False, False]
-    assert set(os.listdir(tmp_path)) == {"growth.csv", "growth.md", "growth.png"}
-    with (tmp_path / "growth.csv").open(encoding="utf-8") as file:
-        kept = list(csv.DictReader(file))
-    assert [(row["engine"], row["bodies"]) for row in kept] == [
-        ("partitioned", "10"),
-        ("pymunk", "10"),
-        ("box2d", "10"),
-        ("box2d", "10"),
-    ]
-    assert "linkage" in kept[0]["status"]
-
-
 @pytest.mark.parametrize("peer", world.PEERS)
 @pytest.mark.parametrize("name", ["free_space", "pendulum", "four_bar", "slider", "wall"])
 def test_every_peer_comes_to_the_closed_form(peer, name):
@@ -140,35 +111,3 @@ def test_every_peer_comes_to_the_closed_form(peer, name):
     found = run(case(name), reference(name), peer, 250)
     assert found.status == STABLE
     assert found.error < 2e-3
-
-
-def test_speed_error_writes_runs_table_and_plots_and_prints_one_json_object(tmp_path):
-    pytest.importorskip("mujoco")
-    done = bench(
-        "speed_error",
-        "--short",
-        "--scenes",
-        "pendulum,wall",
-        "--methods",
-        "partitioned,mujoco_rk4",
-        "--out",
-        tmp_path,
-        "--json",
-    )
-    assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
-    assert {item["scene"] for item in found["runs"]} == {"pendulum", "wall"}
-    assert {item["status"] for item in found["runs"]} == {STABLE}
-    assert found["versions"]["mujoco_rk4"].startswith("MuJoCo ")
-    assert {"speed_error.csv", "speed_error.md", "pareto.png"} <= set(os.listdir(tmp_path))
-    assert len(read_csv(tmp_path / "speed_error.csv", Run)) == len(found["runs"])
-
-
-def test_hard_cases_prints_a_table_of_who_survives(tmp_path):
-    pytest.importorskip("mujoco")
-    done = bench(
-        "hard_cases", "--short", "--scenes", "thin_plate", "--methods", "partitioned,mujoco_rk4", "--out", tmp_path
-    )
-    assert done.returncode == 0, done.stderr
-    assert "| thin_plate | impulse | ✓ | – |" in done.stdout
-    assert (tmp_path / "hard_cases.csv").exists()
