@@ -11,19 +11,13 @@ SENT = 10**15
 MANY = 4000  # answers after which the times are where they rest
 
 
-def test_before_an_answer_can_be_there_the_next_look_is_when_it_can():
-    for now in (SENT, SENT + 199 * US):
-        assert next_look(now, SENT, 200 * US, True) == SENT + 200 * US
-
-
-def test_due_it_is_looked_for_often_and_the_seldomer_the_longer_it_is_due_up_to_a_limit():
+def test_an_answer_is_looked_for_when_it_can_be_there_then_often_and_the_seldomer_the_longer_it_is_due():
     due = SENT + 200 * US
+    for now in (SENT, SENT + 199 * US):
+        assert next_look(now, SENT, 200 * US, True) == due
     gaps = [next_look(due + late * US, SENT, 200 * US, True) - due - late * US for late in (0, 8, 80, 720, 800, 5000)]
     assert gaps == [LOOK, LOOK + US, LOOK + 10 * US, POLL, POLL, POLL]
-
-
-def test_where_no_answer_comes_in_time_it_is_looked_for_seldom_from_the_beginning():
-    assert next_look(SENT, SENT, 200 * US, False) == SENT + POLL
+    assert next_look(SENT, SENT, 200 * US, False) == SENT + POLL  # where none comes in time
 
 
 class Looks:

@@ -54,24 +54,22 @@ def test_the_board_is_reset_set_up_and_asked_with_no_torque_each_when_the_one_be
     host = Host(made(generation))
     assert host.idle() == host.due() == host.write(0.1, 0.1) == host.cut() == b""
     assert host.open() == RESET
+    assert host.hear(reply() + b"x") == []  # what it says before it is asked is nothing
     assert host.idle(after=20 * MS - 1) == b""
     assert host.idle(after=1) == bytes.fromhex(SETUPS[generation])
-    assert host.write(0.1, 0.1, after=20 * MS - 1) == b""
-    assert host.idle(after=1) == ZERO
-    assert not host.state[codec.READY]
+    assert host.hear(b"y") == [] and host.write(0.1, 0.1, after=20 * MS - 1) == b""
+    assert host.idle(after=1) == ZERO and not host.state[codec.READY]
     assert host.hear(reply()) == []
     assert host.state[codec.READY] and host.state[codec.SESSIONS] == 1 and host.state[codec.REFUSED] == 0
 
 
-def test_what_the_board_says_before_it_is_asked_is_nothing():
-    host = Host(made())
-    host.open()
-    assert host.hear(reply() + b"x") == []
-    host.idle(after=20 * MS)
-    assert host.hear(b"y") == []
-    assert host.idle(after=20 * MS) == ZERO
+def turn(host, *torques, counts=COUNTS, **how):
+    """A command that is answered, and its deadline; what was sent, and the sample."""
+    sent = host.write(*torques, **how)
     host.hear(reply())
-    assert host.state[codec.READY] and host.state[codec.REFUSED] == 0
+    host.due(after=MS)
+    (sample,) = host.hear(reply(counts))
+    return sent, sample
 
 
 def test_without_commands_the_joints_are_watched_after_20_ms():
@@ -87,14 +85,9 @@ def test_without_commands_the_joints_are_watched_after_20_ms():
 @pytest.mark.parametrize("known", [(-1000, 321), (-999, 0), (2277, -5), (7, 4881), (-14640, 14639)])
 def test_a_board_that_does_not_answer_then_either_is_set_up_with_the_angles_known_last_and_says_so(known):
     host = opened()
-    host.write(0.1, 0.1)
-    host.hear(reply())
-    host.due()
-    host.hear(reply(known))
+    turn(host, 0.1, 0.1, counts=known)
     assert host.write(0.1, 0.1)
-    assert host.idle(after=20 * MS + 1) == ZERO
-    assert host.idle(after=20 * MS) == ZERO
-    assert host.idle(after=20 * MS + 1) == ZERO
+    assert host.idle(after=20 * MS + 1) == host.idle(after=20 * MS) == host.idle(after=20 * MS + 1) == ZERO
     assert host.idle(after=1100 * MS - 1) == b""
     assert host.idle(after=1) == RESET
     setup = host.idle(after=20 * MS)
@@ -107,16 +100,12 @@ def test_a_board_that_does_not_answer_then_either_is_set_up_with_the_angles_know
     host.hear(reply(known))
     assert host.state[codec.SESSIONS] == 2
     for engaged, torques in ((1, (0.1, 0.1)), (1, (0.0, 0.0)), (0, (0.1, 0.0))):
-        assert host.write(*torques, engaged=engaged) == ZERO
-        host.hear(reply())
-        host.due(after=MS)
-        assert [sample.status for sample in host.hear(reply())] == [32]
+        sent, sample = turn(host, *torques, engaged=engaged)
+        assert (sent, sample.status) == (ZERO, 32)
     assert host.write(0.0, 0.0, engaged=0) == ZERO
     host.hear(reply())
-    assert host.write(0.1, 0.1) == request(0.1, 0.1)
-    host.hear(reply())
-    host.due(after=MS)
-    assert [sample.status for sample in host.hear(reply())] == [0]
+    sent, sample = turn(host, 0.1, 0.1)
+    assert (sent, sample.status) == (request(0.1, 0.1), 0)
 
 
 def test_a_board_that_never_answers_is_reset_again_and_again_with_its_rest_pose():

@@ -144,20 +144,22 @@ def test_what_a_drive_was_before_the_line_was_opened_anew_is_forgotten():
     assert host.write(0.0, engaged=0, after=20 * MS) == request(0.0)
 
 
+def watched(host):
+    """The host, which has just asked its drives because no command came."""
+    host.idle(after=20 * MS + 1)
+    return host
+
+
 def test_temperature_is_the_hottest_drives():
     host = opened(ids=(1, 2))
-    for temperatures, told in (((25, 61), 610), ((-128, -4), -40), ((-128, -128), codec.NO_TEMPERATURE)):
-        host.idle(after=20 * MS + 1)
-        for name, temperature in zip((1, 2), temperatures, strict=True):
-            host.hear(reply(temperature=temperature, name=name))
+    for one, two, told in ((25, 61, 610), (-128, -4, -40), (-128, -128, codec.NO_TEMPERATURE)):
+        watched(host).hear(reply(temperature=one) + reply(temperature=two, name=2))
         assert host.state[codec.TEMPERATURE] == told
 
 
 @given(st.integers(-(2**31) + 1, 2**31 - 1))
 def test_counts_are_the_positions_that_drives_tell(place):
-    host = opened()
-    host.idle(after=20 * MS + 1)
-    assert [sample.counts for sample in host.hear(reply(place))] == [(place, 0, 0)]
+    assert [sample.counts for sample in watched(opened()).hear(reply(place))] == [(place, 0, 0)]
 
 
 def test_values_are_found_however_an_answer_groups_them():
@@ -197,8 +199,7 @@ BAD_LINES = {
 
 def test_a_line_that_is_no_answer_is_refused_and_the_answer_after_it_is_taken():
     for what, data in BAD_LINES.items():
-        host = opened()
-        host.idle(after=20 * MS + 1)
+        host = watched(opened())
         assert host.hear(data) == [] and host.state[codec.REFUSED] == 1, what
         assert [sample.counts for sample in host.hear(reply(5))] == [(5, 0, 0)], what
         assert host.state[codec.REFUSED] == 1, what
@@ -206,8 +207,7 @@ def test_a_line_that_is_no_answer_is_refused_and_the_answer_after_it_is_taken():
 
 def test_a_line_may_be_256_bytes_long_and_what_follows_in_a_longer_one_is_no_line_of_its_own():
     for length, taken in ((256, True), (257, False)):
-        host = opened()
-        host.idle(after=20 * MS + 1)
+        host = watched(opened())
         assert host.hear(heard(WHOLE).strip().ljust(length, b"x")) == []
         assert bool(host.hear(b"\n")) == taken
     host.hear(b"x" * 300)
@@ -216,8 +216,7 @@ def test_a_line_may_be_256_bytes_long_and_what_follows_in_a_longer_one_is_no_lin
 
 
 def test_an_answer_that_comes_twice_is_refused():
-    host = opened(ids=(1, 2))
-    host.idle(after=20 * MS + 1)
+    host = watched(opened(ids=(1, 2)))
     assert host.hear(reply(1) + reply(2)) == [] and host.state[codec.REFUSED] == 1
     assert [sample.counts for sample in host.hear(reply(3, name=2))] == [(1, 3, 0)]
     assert host.hear(reply(1)) == [] and host.state[codec.REFUSED] == 2

@@ -136,19 +136,6 @@ def test_silence_of_100_ms_begins_another_session_and_less_does_not():
     assert host.state[codec.READY] == 0 and not host.write(now, now + MS)
 
 
-def test_the_link_is_ready_when_the_clock_has_five_answers():
-    host, device, answers = hosts(), Device(AHEAD), 0
-    sent, now = host.say(codec.OPENED, BEGIN), BEGIN
-    while not host.state[codec.READY]:
-        assert answers < 5 and not host.write(now, now + MS)
-        for reply in device.hear(sent, now) if sent else []:
-            answers += unpacked(reply)[0] == page.CLOCK_ANSWER
-            host.hear(reply, now)
-        now += 5 * MS
-        sent = host.say(codec.IDLE, now)
-    assert answers == 5 and host.write(now, now + MS)
-
-
 def test_frames_before_the_greeting_are_left_alone():
     host, session = begun()
     assert host.hear(packed(SAMPLE, session, 1, sample(BEGIN, BEGIN)), BEGIN) is None
@@ -683,14 +670,6 @@ class Line(RuleBasedStateMachine):
     @rule(data=st.data())
     def host_hears_what_is_long_past(self, data):
         self.give(self.old[data.draw(st.integers(0, len(self.old) - 1))])
-
-    @precondition(lambda self: self.old)
-    @rule(data=st.data(), bit=st.integers(0, 8 * 72 - 1))
-    def host_hears_what_is_damaged(self, data, bit):
-        frame = bytearray(self.old[data.draw(st.integers(0, len(self.old) - 1))])
-        frame[bit // 8 % len(frame)] ^= 1 << bit % 8
-        refused = self.host.state[codec.REFUSED]
-        assert self.host.hear(frame, self.now) is None and self.host.state[codec.REFUSED] == refused + 1
 
     @rule(session=st.integers(1, 2**32 - 1), answers=st.integers(0, 100))
     def host_hears_a_stranger(self, session, answers):
