@@ -80,8 +80,10 @@ def haply_client(start):
     return run
 
 
-@pytest.mark.parametrize("generation", [2, 3])
-def test_a_haply_gets_the_bytes_that_its_makers_client_sends(emulator, haply_client, generation):
+@pytest.mark.parametrize("generation, resolution", [(2, 10752), (3, 4880)])
+def test_a_haply_gets_the_bytes_that_its_makers_client_sends_and_its_counts_are_the_angles_that_this_reads(
+    emulator, haply_client, generation, resolution
+):
     board, (line, ours) = emulator("haply"), our_haply(generation)
     ask = haply_client(board, generation)
     line.open()
@@ -96,14 +98,6 @@ def test_a_haply_gets_the_bytes_that_its_makers_client_sends(emulator, haply_cli
     assert len(theirs.said("write")) == len(TORQUES)
     assert ours.said("write") == ["02050000000000000000", *theirs.said("write")]
     assert ours.torques()[1:] == theirs.torques()
-
-
-@pytest.mark.parametrize("generation, resolution", [(2, 10752), (3, 4880)])
-def test_a_haplys_counts_are_the_angles_that_its_makers_client_reads(emulator, haply_client, generation, resolution):
-    board, (line, _) = emulator("haply"), our_haply(generation)
-    ask = haply_client(board, generation)
-    line.become_ready()
-    ask((0.0, 0.0))
     for led in ((0.0, 0.0), (-1.0, 0.25), (2.0, -2.9)):
         board.order(f"lead {led[0]} {led[1]}")
         line.emulator.order(["lead", *led])
@@ -147,11 +141,8 @@ def position(torque, **more):
 
 def our_moteus(one=0.0, two=0.0):
     """Our codec on drives of its own that stand there [revolutions], in made-up time; and what they told."""
-    options, emulated, log = (
-        moteus.Options(port="/dev/none", ids=(1, 2), watchdog=0.5),
-        codec_host.emulated("moteus"),
-        Log(),
-    )
+    options, log = moteus.Options(port="/dev/none", ids=(1, 2), watchdog=0.5), Log()
+    emulated = codec_host.emulated("moteus")
     bus = emulated.Bus(log, {1: emulated.Drive(1, log, one), 2: emulated.Drive(2, log, two)})
     return Wired(moteus.codec(options, codec_host.device(2, motor_limit=2.0)), bus), log
 
