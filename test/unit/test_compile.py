@@ -9,7 +9,6 @@ import pytest
 from haptic_device.config_files import names
 from haptic_sim.method.closed_form import ClosedForm
 from haptic_sim.protocol import Coupling, held
-from haptic_sim.pymunk_world.world import PymunkWorld
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.measured import of_scene
 from haptic_sim.reduction.method_choice import (
@@ -251,28 +250,6 @@ def test_impulse_holds_the_error_that_it_is_said_to_in_every_scene_with_a_closed
     assert len(errors) == 16 and 0.5 * HOLDS < max(errors) < HOLDS
 
 
-def pressed(method, h, steps):
-    """Tool's place and force for a handle that goes 20 mm into the wall along its face, and out again."""
-    method.couple(Coupling(2000.0, 2.0, 2.0, 0.002))
-    path = []
-    for k in range(1, steps + 1):
-        t = k * h
-        method.step(held((0.03 - 0.04 * math.sin(8.0 * t), 0.01 * t, 0.1), (-0.32 * math.cos(8.0 * t), 0.01, 0.0)), 1)
-        path.append((*method.position, *method.force_on_tool))
-    return np.array(path)
-
-
-def test_the_closed_form_gives_the_motion_that_the_whole_world_gives_for_small_steps():
-    """They differ by how deep the general method sinks in before it sees a contact: at most one sub-step's way."""
-    scene, fastest = load("wall"), 0.4
-    for h in (50e-6,):
-        both = [pressed(kind(reduce_scene(scene), h), h, round(0.4 / h)) for kind in (PymunkWorld, ClosedForm)]
-        assert np.abs(both[0][:, :3] - both[1][:, :3]).max() < fastest * h
-        free = both[1][:, 0] > 0.01 + 1e-9
-        untouched = np.cumprod(free).astype(bool)
-        assert np.abs(both[0][untouched] - both[1][untouched]).max() < 1e-9
-
-
 def test_in_closed_form_no_wall_is_entered_and_none_pulls():
     method = ClosedForm(reduce_scene(load("wall")), 0.25e-3)
     method.couple(Coupling(2000.0, 2.0))
@@ -320,13 +297,3 @@ def test_more_layers_than_impulse_has_bits_for_get_the_direct_solver_if_bodies_s
     assert reason(**scene)[0] == "impulse"
     with pytest.raises(ValueError, match="method is 'impulse', but bodies share 33 layers"):
         compiled(**layered(LAYERS + 1, method="impulse"))
-
-
-def test_an_error_that_no_step_keeps_is_said_and_one_that_is_kept_is_not():
-    assert compiled(error=1e-5).unkept == ""  # in closed form
-    bar = {"bodies": [BAR], "joints": [PINNED]}
-    assert compiled(**bar, error=0.02).unkept == ""
-    unkept = "error 1e-05 is wanted, and partitioned in steps of 0.025 ms may have a relative error of"
-    assert unkept in compiled(**bar, error=1e-5).unkept
-    asked = compiled(**bar, error=0.002, method="impulse").unkept
-    assert asked == "error 0.002 is wanted; impulse holds 0.003; haptic scenes --verify measures the relative error"

@@ -82,16 +82,3 @@ def test_a_device_that_fell_silent_twice_is_said_with_the_limit_and_what_to_do(r
 def test_a_demo_that_ended_in_any_other_way_does_not_begin_anew(ran, ending):
     done, found, _, left = ran(ending, WELL)
     assert left == [WELL] and found["why"] == ending.why and done == (not ending.why)
-
-
-def test_a_demo_without_a_motor_command_has_no_figures_and_says_why(ran):
-    _, found, _, _ = ran(Ending("no motor command came, and no news for 90 s: …", "", False, False))
-    assert found["exchange"] is None and found["faults"] == [found["why"]]
-
-
-@pytest.mark.parametrize("as_json", [True, False])
-def test_why_a_job_was_not_done_is_said_once(ran, as_json):
-    why = "the motion did not end: the handle was too fast"
-    done, found, said, _ = ran(Ending(why, "velocity", True, True), as_json=as_json)
-    assert not done and f"{found}{said}".count(why) == 1 + as_json  # in the object, and for who reads along
-    assert (f"haptic demo: {why}\n" in said) == as_json

@@ -166,19 +166,6 @@ def test_what_is_not_there_or_no_yaml_is_refused_by_the_launch_file_in_one_sente
         launched(scene=str(tmp_path / "own.yaml"))
 
 
-def test_rviz_gets_topics_and_world_of_the_namespace(launched):
-    layout = ROOT / "config/layouts/haptic.rviz"
-    displays = yaml.safe_load(layout.read_text())["Visualization Manager"]["Displays"]
-    places = [display.get(kind) for display in displays for kind in ("Topic", "Description Topic")]
-    named = {place["Value"] for place in places if place}
-    for namespace, pushed, topics, world in (("/a/b/", None, "/a/b/", "a_b_map"), ("c", "/d", "/d/c/", "d_c_map")):
-        nodes = launched(namespace=namespace, pushed=pushed, rviz="true")
-        assert "haptic_viewer" in nodes, "its markers are the viewer's"
-        assert nodes["rviz2"]["arguments"] == ["-d", str(layout), "-f", world]
-        renamed = dict(nodes["rviz2"]["remappings"])
-        assert renamed == {topic: topic.replace("/haptic/", topics) for topic in named}
-
-
 def test_the_launch_file_leaves_the_transitions_to_the_nodes_to_itself_or_to_the_user(launched):
     for who, parameters in (("true", []), ("launch", [{"autostart": False}]), ("false", [{"autostart": False}])):
         nodes = launched(autostart=who)

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from lockstep_systems import wall_system
 
 from haptic_device.control import (
-    enable_state,
     exchange_samples,
     faults,
     kinematics,
@@ -97,21 +96,6 @@ def test_a_tool_sample_counts_in_full_up_to_the_hold_and_not_at_all_beyond_the_f
 def test_a_returning_tool_gets_its_force_back_no_faster_than_it_fades(factor, age):
     following = exchange_samples.fade_factor(factor, age, PERIOD, HOLD, FADE)
     assert 0.0 <= following <= min(1.0, factor + PERIOD / FADE + 1e-15)
-
-
-def test_engaging_waits_for_a_small_wanted_force_and_then_lasts_until_disabled_or_faulted():
-    def following(state, small, factor=0.0, enabled=True, faulted=False):
-        return enable_state.engage_state(state, enabled, faulted, small, factor)
-
-    assert following(enable_state.IDLE, True) == enable_state.WAITING
-    assert following(enable_state.WAITING, False) == enable_state.WAITING
-    assert following(enable_state.WAITING, True) == enable_state.ENGAGING
-    assert following(enable_state.ENGAGING, False, 0.999) == enable_state.ENGAGING
-    assert following(enable_state.ENGAGING, False, 1.0) == enable_state.ENGAGED
-    for state in range(len(enable_state.STATES)):
-        assert following(state, True, 1.0, faulted=True) == enable_state.FAULT
-        assert following(state, True, 1.0, enabled=False) == enable_state.IDLE
-    assert following(enable_state.FAULT, True, 1.0) == enable_state.WAITING
 
 
 def motion(position=0.0, velocity=0.0, displacement=0.0, elapsed=0.001):

@@ -56,14 +56,6 @@ def waited(monkeypatch):
     return wait
 
 
-def test_a_driver_that_starts_slowly_is_waited_for_while_there_is_news(waited):
-    late = 0.9 * news.LIMIT
-    steps = ("disabled", "homing", "ramping", "engaged")
-    waited(lambda t: {"state": steps[min(3, int(t // late))]})
-    with pytest.raises(ValueError, match=f"and no news for {news.LIMIT:g} s: haptic_driver says: disabled"):
-        waited(lambda t: {"state": "engaged" if t > 1.1 * news.LIMIT else "disabled"})
-
-
 def test_a_tool_that_looks_at_the_trace_needs_no_simulated_device_and_one_that_looks_at_the_truth_does(monkeypatch):
     clock = Clock().put(monkeypatch, news, tuning)
     row = np.ones(1, TRACE_ROW)

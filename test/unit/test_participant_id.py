@@ -47,19 +47,12 @@ def test_two_kinds_never_draw_the_same_and_all_are_within_what_is_looked_for_on_
     assert queues(8) == [shared_memory / "fastrtps_port8176", shared_memory / "fastrtps_port8177"]  # ports of RTPS
 
 
-def test_profiles_given_are_kept_and_in_force_again_afterwards(monkeypatch, tmp_path):
-    given = tmp_path / "given.xml"
-    given.write_text(_QUICK)
+def test_profiles_given_are_kept_and_those_that_choose_an_id_or_cannot_be_read_are_left_alone(monkeypatch, tmp_path):
+    given, chosen = tmp_path / "given.xml", _QUICK.replace("</rtps>", "<participantID>7</participantID></rtps>")
     monkeypatch.setenv(PROFILES, str(given))
-    with own_participant_id(KINDS[0]):
-        assert "leaseAnnouncement" in drawn()[1] and os.environ[PROFILES] != str(given)
-    assert os.environ[PROFILES] == str(given) and given.read_text() == _QUICK
-
-
-def test_profiles_that_choose_an_id_or_cannot_be_read_are_left_alone(monkeypatch, tmp_path):
-    given = tmp_path / "given.xml"
-    for text in (_QUICK.replace("</rtps>", "<participantID>7</participantID></rtps>"), "no profile", None):
-        given.unlink(missing_ok=True) if text is None else given.write_text(text)
-        monkeypatch.setenv(PROFILES, str(given))
+    for text in (_QUICK, chosen, "no profile"):
+        given.write_text(text)
         with own_participant_id(KINDS[0]):
-            assert os.environ[PROFILES] == str(given)
+            assert (os.environ[PROFILES] == str(given)) == (text != _QUICK)
+            assert text != _QUICK or "leaseAnnouncement" in drawn()[1]
+        assert os.environ[PROFILES] == str(given) and given.read_text() == text

@@ -137,13 +137,6 @@ def test_a_coupling_that_the_tank_keeps_short_is_told_and_one_that_it_pays_for_i
     assert names(row) == set()
 
 
-def test_a_tank_that_is_empty_withholds_nothing_while_nothing_more_is_wished_for():
-    pulled = Pulled("pspm", exchange__budget=0.0)
-    for k in range(300):
-        row = pulled.go(1e-5 * min(k, 100))  # the hand pays for its own way into the spring
-    assert row.force_coupling[0] == pytest.approx(-1.0, rel=0.02) and names(row) == set()
-
-
 def test_a_damper_that_the_tank_does_not_pay_for_and_waves_that_claim_more_than_came_with_them_are_told():
     pulled = Pulled("pspm", over=1.0 + 1e-9, exchange__budget=0.0)
     pulled.settings["coupling"]["damping"] = 5.0
@@ -203,9 +196,3 @@ def test_a_cause_stands_once_it_has_lasted_over_short_breaks_and_not_over_long_o
     assert filled([(tank, half), (0, BREAK + 0.002), (tank, half)]).standing() == {}
     over = filled([(tank, 0.5), (0, BREAK + 0.002)])
     assert over.standing() == {} and over.totals() == {"tank": (pytest.approx(0.499), pytest.approx(0.499))}
-
-
-def test_causes_stand_side_by_side_and_their_times_add_up():
-    both = filled([(withheld.LIMIT, 0.3), (0, 0.1), (withheld.TANK | withheld.LIMIT, 0.4)])
-    assert [*both.standing()] == ["tank", "limit"]
-    assert both.totals()["limit"] == (pytest.approx(0.698), pytest.approx(0.399))

@@ -96,19 +96,6 @@ def test_a_servo_without_a_device_withholds_nothing():
     assert node.said[1].startswith("no device") and node.said[2]["withheld"] == ""
 
 
-def test_of_several_causes_the_first_of_the_table_is_told_and_the_others_are_named():
-    _, message, told = Node().run(0.3, withheld=withheld.TANK | withheld.LIMIT)
-    assert message.startswith("force withheld for 0.3 s (tank): ") and message.endswith("; also limit")
-    assert told["withheld"] == "tank, limit"
-
-
-def test_without_a_tool_one_sentence_says_so_engaged_or_not():
-    free = "no simulation: the handle is in free space"
-    level, message, _ = Node().run(0.3, withheld=withheld.NO_TOOL, tool_age=-1.0)
-    assert level == "warn" and message.count(free) == 1 and message.startswith("force withheld")
-    assert Node().run(0.3, tool_age=-1.0, state=enable_state.IDLE)[:2] == ("warn", free)
-
-
 def test_a_margin_that_is_not_positive_is_said_beside_what_it_withholds():
     stiff = {"coupling__stiffness": 2000.0, "coupling__damping": 1.0, "coupling__rotational_stiffness": 0.0}
     level, message, _ = Node(lateness=5e-3, **stiff).run(0.3, withheld=withheld.TANK)
