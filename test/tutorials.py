@@ -11,7 +11,6 @@ The folder holds what a page may use of the folder of the sources: firmware.
 * any language with title="a.yaml": that file.
 
 Any other block is refused. Displays are patient (patient.yaml) with a machine that the tests keep busy.
-`python test/tutorials.py PAGE` runs a page and shows what its commands print.
 """
 
 import contextlib
@@ -138,11 +137,11 @@ class Shell:
         self._bash.stdin.flush()
 
 
-def run(page, folder, domain, shell_type=Shell):
+def run(page, folder, domain):
     """Executes the blocks of the text of a page in this empty folder; AssertionError where one is not as it says."""
     with tempfile.TemporaryDirectory() as kept:
         patient.write_firmware(folder)
-        shell, before = shell_type(folder, Path(kept)), None
+        shell, before = Shell(folder, Path(kept)), None
         try:
             for block in blocks(page):
                 if block.title:
@@ -181,27 +180,3 @@ def _compare(block, before, shell):
         waiting.until(found, f"line {block.line}: what the page shows", said=shell.printed)
     printed = shell.printed()
     assert found(), f"line {block.line}: not printed: {missing(block.text, printed)}; printed:\n{printed}"
-
-
-class _Shown(Shell):
-    """A shell that shows what it does."""
-
-    def run(self, command, stdin="/dev/null"):
-        print(f"$ {command}", flush=True)
-        begun = len(self.printed())
-        code = super().run(command, stdin)
-        print(f"{self.printed()[begun:]}[{code}]", flush=True)
-        return code
-
-
-def _main():
-    from haptic_sim.supervision.domain import isolated_domain
-
-    with tempfile.TemporaryDirectory() as folder, isolated_domain(Path(folder)) as domain:
-        inner = Path(folder) / "page"
-        inner.mkdir()
-        run(Path(sys.argv[1]).read_text(encoding="utf-8"), inner, domain, _Shown)
-
-
-if __name__ == "__main__":
-    _main()

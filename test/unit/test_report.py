@@ -117,13 +117,6 @@ def test_runs_lie_over_each_other_each_in_one_look_with_one_scale_a_row_and_one_
     assert [text.get_text() for text in legend.get_texts()] == ["calm", "shaking"]
 
 
-def test_the_paths_of_several_runs_have_the_same_limits_and_a_straight_one_no_empty_box(bags):
-    _, axes = opened("path", [read_run(bag) for bag in bags])
-    assert len(axes) == 2 and len({(one.get_xlim(), one.get_ylim()) for one in axes}) == 1
-    width, height = (end - begin for begin, end in (axes[0].get_xlim(), axes[0].get_ylim()))
-    assert 20.0 <= width <= 25.0 and 0.3 * width <= height <= 0.5 * width
-
-
 def test_oscillation_contact_and_the_coupling_it_was_felt_through_are_found(bags):
     run, shaking = map(read_run, bags)
     assert sections(run)["Oscillation of the force"] == {"found": "none"}
