@@ -39,7 +39,6 @@ KEEPS_TIME = "real-time priority", "cores"  # checks of `haptic doctor`
 def pytest_configure(config):
     """What long waits say goes to the terminal, from a worker of xdist too: nothing is captured yet."""
     waiting.terminal = os.dup(2)
-    config.add_cleanup(waiting.Watch().close)
 
 
 def pytest_collection_finish(session):

@@ -6,14 +6,11 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.context import Context
 from rclpy.serialization import serialize_message
 from waiting import exit_code, output
 
@@ -127,30 +124,6 @@ STRANGE = (
     ),
 )
 """Serialized messages of /diagnostics that are broken, or foreign and named as ours."""
-
-
-@contextlib.contextmanager
-def strange_diagnostics():
-    """Says all that is STRANGE again and again, in this process's domain."""
-    context, stop = Context(), threading.Event()
-    rclpy.init(context=context)
-    node = rclpy.create_node("stranger", context=context)
-    publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 50)
-
-    def speak():
-        while not stop.wait(0.05):
-            for message in STRANGE:
-                publisher.publish(message)
-
-    speaking = threading.Thread(target=speak)
-    speaking.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        speaking.join()
-        node.destroy_node()
-        rclpy.shutdown(context=context)
 
 
 class Write(NamedTuple):

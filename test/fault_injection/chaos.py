@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The running demo loses nodes, processor time and peace on its network; a table of what was felt.
+"""The running demo loses nodes, processor time and peace on its network; what was felt, as one JSON object.
 
 `python test/fault_injection/chaos.py --help`; docs/theory/safety.md says what the figures are.
 """
 
-import json as json_text
+import json
 import os
 import random
 import sys
@@ -24,8 +24,6 @@ from haptic_sim.supervision.processes import NodeDiedError, interruptible
 STEP, ENERGY, RECOVERED = 0.5, 0.005, 3.0  # [N/ms], [J] of the default exchange.budget, [s]
 SHORT = ("kill -9 driver", "SIGSTOP simulation", "e-stop")
 _EVENT = "Only events with this in their name; may be repeated."
-_CLOCK = "Step the wall clock of this machine by 2 s and back, too; needs CAP_SYS_TIME."
-WIDTH = 180  # columns of the table in a file or a pipe
 _SOAK = "Let the demo run undisturbed for the minutes, and watch memory, threads and descriptors of each node."
 
 
@@ -40,33 +38,32 @@ class Row(NamedTuple):
 
 def chaos(
     minutes: Annotated[float | None, typer.Option(min=0.1, help="Go on at random; without it each event once.")] = None,
-    json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output, no table.")] = False,
     event: Annotated[list[str] | None, typer.Option(help=_EVENT)] = None,
     short: Annotated[bool, typer.Option("--short", help=f"Only {', '.join(SHORT)}.")] = False,
-    clock: Annotated[bool, typer.Option("--clock", help=_CLOCK)] = False,
     soak: Annotated[bool, typer.Option("--soak", help=_SOAK)] = False,
 ) -> None:
     """Take the running demo apart while a wall is pressed. Exit code 0 if every figure kept its bound."""
+    from fault_injection.soak import soak as watched
+
     try:
         with interruptible():
-            found = _soak(minutes or 30.0) if soak else _chaos(minutes, _chosen(event, short, clock))
+            found = watched(minutes or 30.0, _programs) if soak else _chaos(minutes, _chosen(event, short))
     except KeyboardInterrupt:
         print("chaos: interrupted; all nodes have ended", file=sys.stderr, flush=True)
         os._exit(130)
     except NodeDiedError as error:
         raise ValueError(str(error)) from error
-    print(json_text.dumps(found)) if json else _print(found)
+    print(json.dumps(found))
     raise typer.Exit(0 if found["ok"] else 1)
 
 
-def _chosen(wanted, short, clock):
-    from fault_injection.chaos_events import CLOCK, EVENTS
+def _chosen(wanted, short):
+    from fault_injection.chaos_events import EVENTS
 
-    events = (*EVENTS, *([CLOCK] if clock else []))
     wanted = SHORT if short else wanted
-    chosen = [each for each in events if not wanted or any(name in each.name for name in wanted)]
+    chosen = [each for each in EVENTS if not wanted or any(name in each.name for name in wanted)]
     if not chosen:
-        raise ValueError(f"no event has {wanted[0]!r} in its name; there are {', '.join(e.name for e in events)}")
+        raise ValueError(f"no event has {wanted[0]!r} in its name; there are {', '.join(e.name for e in EVENTS)}")
     return chosen
 
 
@@ -130,37 +127,6 @@ def _found(rows, tracebacks, left) -> dict:
     events = [{"event": row.name, "runs": row.runs, **row.worst._asdict(), "wrong": row.wrong} for row in rows]
     ok = not (tracebacks or left or any(row.wrong for row in rows))
     return {"ok": ok, "tracebacks": tracebacks, "left_over": left, "events": events}
-
-
-def _soak(minutes) -> dict:
-    from fault_injection.soak import soak
-
-    return soak(minutes, _programs)
-
-
-def _print(found) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    rows = found.get("events") or found["nodes"]
-    heads = list(rows[0])
-    table = Table(*heads, title="every bound was kept" if found["ok"] else "NOT every bound was kept")
-    for row in rows:
-        table.add_row(*(_text(row[head]) for head in heads))
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=WIDTH)
-    console.print(table)
-    rest = {name: value for name, value in found.items() if name not in ("events", "nodes")}
-    console.print(", ".join(f"{name} {_text(value) or 'none'}" for name, value in rest.items()))
-
-
-def _text(value) -> str:
-    if isinstance(value, float):
-        return f"{value:.3g}"
-    if isinstance(value, list | tuple):
-        return ", ".join(map(str, value))
-    return "" if value is None else str(value)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Puts the figures of `chaos.py --json` and `chaos.py --soak --json` into docs/theory/safety.md, between its marks.
+"""Puts the figures of `chaos.py` and `chaos.py --soak` into docs/theory/safety.md, between its marks.
 
 python test/fault_injection/safety_table.py CHAOS_OR_SOAK.json...
 """

@@ -9,11 +9,8 @@ from in_process import haptic
 from live_nodes import command
 from waiting import until
 
-from haptic_device.description import load_device
 from haptic_device.realtime import shared_memory
-from haptic_device.yaml_reader import dump
-from haptic_sim.client import Client
-from haptic_sim.supervision import conformance, device_page, device_set_up
+from haptic_sim.supervision import conformance, device_page
 
 NOBODY = "haptic device test: no device answers on its page within 3 s; start haptic_bridge or haptic_loopback there"
 
@@ -73,73 +70,3 @@ def test_a_device_that_runs_is_shown_with_counts_and_status(ros_domain, start):
     assert [figures[f"counts {axis}"][0] for axis in ("x", "y", "theta")] == ["2000", "-4000", "12000"]
     assert figures["status of the device"] == ["motors cut by its watchdog", ""]
     assert figures["device"] == ["desktop", ""]
-
-
-class Hand:
-    """Answers a set-up by leading the loopback's hand, each place until the handle is there."""
-
-    places = {
-        "x.way": [(0.08, 0.0, 0.0)],
-        "y.way": [(0.08, 0.08, 0.0)],
-        "theta.way": [(0.08, 0.08, 2.0)],
-        "zero": [(0.0, 0.0, 0.0)],
-        "workspace": [(0.1, 0.1, 3.0), (-0.1, -0.1, -3.0)],
-    }
-
-    def __init__(self, client):
-        self.client, self.said, self.walked = client, [], []
-
-    def say(self, sentence):
-        self.said.append(sentence)
-
-    def known(self, key):
-        return None
-
-    def ready(self, key, todo, look):
-        self.client.truths.clear()
-        for place in self.places[key]:
-            until(lambda place=place: self._there(place), f"the handle at {place}", look)
-        if key == "workspace":
-            self.walked = list(self.client.truths)
-
-    def _there(self, place):
-        self.client.aim(place)
-        self.client.look()
-        truth = self.client.truth
-        at = [truth[axis] for axis in ("x", "y", "theta")] if truth else []
-        return at and all(abs(p - q) < 0.002 and v == 0.0 for (p, v, _), q in zip(at, place, strict=True))
-
-    def number(self, key, text, unit):
-        return {"x.length": 0.08, "y.length": 0.08, "theta.length": 2.0}[key]
-
-    def yes(self, key, text):
-        return key.endswith(".push")
-
-    def choice(self, key, text, options):
-        return "absolute"
-
-
-def test_moving_the_handle_finds_what_the_plant_is_made_of(ros_domain, start, tmp_path):
-    desktop, described = load_device("desktop").model_dump(mode="json"), load_device("desktop")
-    true = [{"encoder_sign": -1, "counts_per_unit": 90000.0, "zero": 0.03}, {"motor_sign": -1}, {"encoder_sign": -1}]
-    for axis, differs in zip(desktop["axes"], true, strict=True):
-        axis |= differs
-    (tmp_path / "other.yaml").write_text(dump(desktop))
-    start(command("haptic_loopback", device=str(tmp_path / "other.yaml"), motion__name="follow"))
-    name = shared_memory.file_name(ros_domain, "/haptic")
-    until(lambda: device_page.glance(name), "the loopback serves its page")
-    with (
-        contextlib.closing(Client.join("leads", ros_domain, "/haptic", every_truth=True)) as client,
-        device_page.opened("desktop", ros_domain, None) as page,
-    ):
-        hand = Hand(client)
-        found = device_set_up.set_up(hand, device_page.PageDevice(page), described, "found", push=1.0)
-    assert hand.said == []
-    for axis, truly in zip(found["axes"], desktop["axes"], strict=True):
-        for sign in ("encoder_sign", "motor_sign"):
-            assert axis[sign] == truly[sign], (axis["name"], sign)
-        # the handle is within 2 mm of either place of a way of 80 mm
-        assert axis["counts_per_unit"] == pytest.approx(truly["counts_per_unit"], rel=0.05)
-        walked = [truth[axis["name"]][0] for truth in hand.walked]  # the hand swings beyond where it is led to
-        assert axis["workspace"] == pytest.approx([min(walked), max(walked)], rel=0.1)
-    assert found["axes"][0]["zero"] == pytest.approx(0.03, abs=0.004)

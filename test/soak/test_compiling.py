@@ -83,17 +83,6 @@ def test_interrupted_in_the_middle_nothing_is_left_running_and_the_cache_still_s
     assert ended(asking(tmp_path, SMALL)) == ("", "")
 
 
-def test_the_command_ends_at_once_by_ctrl_c_and_so_do_its_workers(tmp_path):
-    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
-    command = [sys.executable, "-m", "haptic_sim.cli.main", "compile"]
-    process = subprocess.Popen(command, cwd=ROOT, env=environment, text=True, stderr=subprocess.PIPE)
-    until(lambda: len(compiling(tmp_path)) >= 3, "processes that compile")
-    process.send_signal(signal.SIGINT)
-    said = output(process)[1]
-    assert process.returncode == 130 and "Traceback" not in said, said
-    until(lambda: not compiling(tmp_path), "the end of all that compiled")
-
-
 @pytest.mark.parametrize("module", MODULES.values())
 def test_a_node_told_to_end_while_its_kernels_compile_ends_well_and_so_does_all_that_compiled(tmp_path, start, module):
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}

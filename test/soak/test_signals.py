@@ -101,15 +101,6 @@ def test_no_node_outlives_a_parent_that_was_killed(start, tmp_path):
     assert (bag / "metadata.yaml").exists()
 
 
-def test_a_benchmark_ends_with_the_command_that_runs_all_of_them(start, tmp_path):
-    words = ["all", "--only", "servo", "--out", tmp_path / "kept"]
-    process = start([sys.executable, "-m", "bench", *words], cwd=ROOT, stderr=subprocess.PIPE)
-    assert "python -m bench servo" in process.stderr.readline() and "1000 Hz" in process.stderr.readline()
-    [one] = psutil.Process(process.pid).children()
-    process.terminate()
-    until(lambda: not running([one]), "the end of the benchmark")  # nobody would end it otherwise
-
-
 def ends_well(run, number):
     """Interrupts a demo: no process, no page and no half-written bag are left."""
     nodes = children(run.process)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""haptic_simulation with hooks in it: a load that takes long, and an exchange or a reset that an exception ends."""
+"""haptic_simulation with hooks in it: a load that takes long, and an exchange that an exception ends."""
 
 import contextlib
 import signal
@@ -35,14 +35,7 @@ def failing(end, *given):
         raise KeyError("nobody\\nforesaw this")
     return answer(end, *given)
 
-reset = simulation.Simulation.reset
-
-def failing_reset(world):
-    if Path("fail_reset").exists():
-        raise KeyError("nobody\\nforesaw this")
-    reset(world)
-
-simulation.ensure_compiled, ExchangeEndpoint.answer, simulation.Simulation.reset = have, failing, failing_reset
+simulation.ensure_compiled, ExchangeEndpoint.answer = have, failing
 sys.exit(simulation.main())
 """
 
@@ -55,8 +48,7 @@ def peer(ros_domain):
 
 @pytest.fixture
 def hooked(peer, start, tmp_path):
-    """A node in a folder: its first load takes until `compiled` is there; with `fail` its exchange comes to an end,
-    with `fail_reset` by a reset."""
+    """A node in a folder: its first load takes until `compiled` is there; with `fail` its exchange comes to an end."""
     words = [sys.executable, "-c", HOOKED, "--ros-args", "-r", "__ns:=/haptic", "-p", "scene:=wall"]
     with open(tmp_path / "log", "w") as log:
         node = start(words, cwd=tmp_path, stdout=log, stderr=log)
@@ -120,14 +112,3 @@ def test_an_exchange_that_an_exception_ends_is_said_to_have_ended_and_answers_an
     assert exit_code(hooked) == 0
     said = (hooked.folder / "log").read_text()
     assert said.count(sentence) == 1 and "Traceback" not in said, said
-
-
-def test_a_reset_that_an_exception_ends_is_refused_with_the_sentence_and_nothing_answers_any_more(hooked, peer):
-    (hooked.folder / "fail_reset").touch()
-    sentence = "the exchange has ended by KeyError: 'nobody\\nforesaw this'"
-    assert peer.call("reset_scene") == (False, sentence)
-    answers = len(peer.tools)
-    for _ in range(20):
-        peer.send_handle(START)
-        peer.look(0.02)
-    assert len(peer.tools) == answers and peer.pause(True) == (False, sentence)

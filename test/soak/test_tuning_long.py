@@ -3,15 +3,14 @@
 
 import contextlib
 import json
-import re
 import signal
 import subprocess
-import sys
 import time
 
 import pytest
 import typer
 import yaml
+from live_demo import HAPTIC
 from typer.testing import CliRunner
 from waiting import output, until
 
@@ -41,60 +40,6 @@ def pair():
         yield tuning, domain, namespace
 
 
-def zwidth_live(pair, start):
-    """`haptic zwidth --live` as a person starts it, on the nodes of the pair."""
-    words = ["zwidth", "--live", "--device", "desktop", "--domain", pair[1], "--namespace", pair[2]]
-    command = [sys.executable, "-m", "haptic_sim.cli.main", *words]
-    return start(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-
-
-def disturbed(pair, start, condition, act):
-    """How `haptic zwidth --live` ends if act(process) comes once condition() holds."""
-    process = zwidth_live(pair, start)
-
-    def there():
-        assert process.poll() is None, process.communicate()
-        return condition()
-
-    until(there, "the moment to disturb it", look=lambda: time.sleep(0.05))
-    act(process)
-    return sentence_of(process)
-
-
-def sentence_of(process):
-    """Exit code and the one line that the command says at its end."""
-    said, complained = output(process)
-    assert said == ""
-    sentences = complained.strip().splitlines()
-    assert len(sentences) == 1, complained
-    return process.returncode, sentences[0]
-
-
-def test_zwidth_live_gives_way_to_somebody_else_who_changes_its_gains(pair, start):
-    tuning = pair[0]
-    before = tuning.get(GAINS)
-    ended = disturbed(
-        pair,
-        start,
-        lambda: tuning.get(["coupling.stiffness"]) == {"coupling.stiffness": 0.0},
-        lambda process: tuning.set(coupling__stiffness=250.0),
-    )
-    told = "something else set coupling.stiffness to 250.0 meanwhile, this command had set 0.0"
-    assert ended == (2, f"haptic zwidth: {told}")
-    assert tuning.get(GAINS) == before
-
-
-def test_zwidth_live_refuses_a_driver_in_fault(pair, start):
-    tuning = pair[0]
-    tuning.trigger("estop")
-    try:
-        ended = sentence_of(zwidth_live(pair, start))
-    finally:
-        tuning.recover()
-    assert ended[0] == 2
-    assert re.fullmatch(r"haptic zwidth: haptic_driver is in fault \w+: clear it first .*", ended[1])
-
-
 def test_a_tool_whose_own_driver_falls_into_a_fault_goes_on_with_a_new_pair(capsys, monkeypatch):
     monkeypatch.delenv("ROS_DOMAIN_ID")  # a pair of its own has a domain of its own
     domains = []
@@ -114,15 +59,19 @@ def test_a_tool_whose_own_driver_falls_into_a_fault_goes_on_with_a_new_pair(caps
 
 
 def test_zwidth_live_interrupted_at_a_wall_leaves_the_gains_as_found(pair, start):
-    tuning = pair[0]
+    tuning, domain, namespace = pair
     before = tuning.get(GAINS)
-    ended = disturbed(
-        pair,
-        start,
-        lambda: tuning.get(["wall.stiffness"]) != {"wall.stiffness": ()},
-        lambda process: process.send_signal(signal.SIGINT),
-    )
-    assert ended == (130, "haptic zwidth: interrupted; the gains are as they were")
+    words = ["zwidth", "--live", "--device", "desktop", "--domain", domain, "--namespace", namespace]
+    process = start([*HAPTIC, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+    def at_a_wall():
+        assert process.poll() is None, process.communicate()
+        return tuning.get(["wall.stiffness"]) != {"wall.stiffness": ()}
+
+    until(at_a_wall, "a wall", look=lambda: time.sleep(0.05))
+    process.send_signal(signal.SIGINT)
+    said = "haptic zwidth: interrupted; the gains are as they were\n"
+    assert (output(process), process.returncode) == (("", said), 130)
     assert tuning.get(GAINS) == before
 
 
