@@ -1,19 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Systems with an exchange in them that several tests start from."""
 
-import math
-from collections import deque
-
 import numpy as np
 from lockstep_systems import device, values
 from ticks import tick
 
 from adversary import exchange_search as adversary
 from haptic_device import controller_config
-from haptic_device.control import enable_state, faults, records, virtual_coupling
+from haptic_device.control import enable_state, faults, virtual_coupling
 from haptic_device.description import load_device
 from haptic_sim.exchange.port import port_of
-from haptic_sim.exchange.simulation import HandleSample, Simulation
+from haptic_sim.exchange.simulation import Simulation
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.replay.lockstep import PERFECT, Lockstep
 from haptic_sim.scene.language import load
@@ -48,42 +45,6 @@ def one_axis(method, stiffness=1000.0, damping=0.25, period=1e-3, over=1.05, **d
     given = {"coupling__stiffness": stiffness, "coupling__damping": damping, "servo__rate": 1.0 / period}
     given |= {"exchange__method": method, "passivity__control": False}
     return controller_config.settings_from(shipped, values("haptic_driver", **given | driver))
-
-
-def reference(method, late, seconds=6.0):
-    """The reference of a late tool: K = 1000 N/m, T = 1 ms, b = 2; tool of 0.05 kg with a damper of 2 N s/m to its set
-    position and a wall at 0; handle led 20 mm at 0.5 Hz; `late` samples either way. Mean error [m], energy taken [J].
-    """
-    scene = load("wall")
-    scene = scene.model_copy(update={"tool": scene.tool.model_copy(update={"mass": 0.05, "pose": (0.01, 0.0, 0.0)})})
-    settings = one_axis(method, damping=0.0, over=4.0)
-    memory, row = np.zeros(1, records.STATE), np.zeros(1, records.TRACE_ROW)
-    memory["enable"]["ramp"], memory["fade"]["factor"], memory["enable"]["state"] = 1.0, 1.0, enable_state.ENGAGED
-    settings["exchange"]["hold"] = 10.0
-    simulation, record = Simulation(reduce_scene(scene), 1e-3, 0.2, port=port_of(method)), row[0]
-    going, coming, errors, taken, before, force = deque(), deque(), [], 0.0, 0.0, 0.0
-    for k in range(int(seconds * 1000)):
-        position = 0.02 * math.sin(math.pi * k * 1e-3)
-        taken -= force * (position - before)
-        before = position
-        record["latched"] = record["deadline"] = (k + 1) * 1e6
-        record["command"], record["device_status"], record["counts"][0] = 1.0, faults.FRESH, position * 1e9
-        if len(coming) > late:
-            sequence, tool = coming.popleft()
-            record["tool_session"], record["tool_sequence"], record["tool_answered"] = 1.0, sequence, sequence
-            record["tool_position"][0], record["tool_velocity"][0] = tool.position[0] - 0.01, tool.velocity[0]
-            record["tool_effort"][0], record["tool_energy"] = tool.force_on_tool[0], tool.energy
-            record["tool_contact"], record["tool_age"] = tool.contact, 2e-3 * late
-        tick(settings, memory, row)
-        force = record["force_on_handle"][0]
-        port = (record["position"][0] + 0.01, 0.0, 0.0), (record["velocity"][0], 0.0, 0.0)
-        shipped = (record["exchange_effort"][0], 0.0, 0.0), record["exchange_energy"]
-        going.append((k + 1, HandleSample((k + 1) * 1_000_000, *port, 1000.0, 2.0, 1.0, 0.01, *shipped)))
-        if len(going) > late:
-            sequence, handle = going.popleft()
-            coming.append((sequence, simulation.exchange(handle)))
-        errors.append(abs(simulation.method.position[0] - 0.01 - max(0.0, position)))
-    return float(np.mean(errors[2000:])), taken
 
 
 def credited(method, seed, scale=(1.0, 1.0), limit=20.0, reach=1.0, wall=0.0, missed=0.0, ticks=160):

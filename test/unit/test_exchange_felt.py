@@ -36,11 +36,7 @@ def test_foretold_it_drags_by_less_than_a_fifth_of_that_and_the_wall_is_as_stiff
     assert abs(felt["pspm", late].damping) <= 0.2 * STIFFNESS * age
     assert felt["pspm", late].stiffness == pytest.approx(felt["direct", 0.0].stiffness, rel=0.02)
     assert felt["pspm", late].given <= BUDGET
-
-
-def test_foretelling_does_not_pay_in_mass(felt):
-    """A tool of 0.1 kg; first-order foretelling made 0.49 kg of one of 0.05 kg at 20 ms."""
-    assert abs(felt["pspm", 0.02].mass) <= 0.12
+    assert abs(felt["pspm", 0.02].mass) <= 0.12  # a tool of 0.1 kg; first order made 0.49 kg of one of 0.05 kg
 
 
 @pytest.mark.parametrize(("given", "passive"), [(BUDGET, True), (1.001 * BUDGET, False)])
@@ -63,7 +59,7 @@ def test_a_force_that_swings_by_more_than_a_tenth_of_its_mean_is_no_stiffness(sw
     assert [line.split(" | ")[3] for line in said.splitlines() if "direct" in line] == [shown]
 
 
-@pytest.mark.parametrize("servo", [1000.0, 4000.0] if searching() else [4000.0])  # `python -m bench local`: 10 kHz too
+@pytest.mark.parametrize("servo", [1000.0, 4000.0] if searching() else [1000.0])  # `python -m bench local`: 10 kHz too
 def test_a_coupling_as_stiff_as_the_device_covers_does_not_shake_a_free_tool_1_ms_away(servo):
     """An old force of the tool, believed whole, is K · age of negative damping: it shook, and dragged by 61 N s/m."""
     felt = local_felt.measure(servo, "pspm")
@@ -77,17 +73,7 @@ def test_with_no_delay_added_the_tool_is_as_near_the_handle_as_with_direct_excha
     assert felt["pspm", 0.0].impedance_ratio > 10.0 * felt["direct", 0.0].impedance_ratio
 
 
-@pytest.mark.parametrize("late", [0.0, 1e-3, 1.5e-3, 3e-3, 20e-3])
-def test_in_lock_step_samples_leave_and_are_found_at_their_own_tick(late):
-    rows = demo_system("direct", "free_space", Network(late)).run(0.1)[200:]
-    new = np.flatnonzero(np.diff(rows.tool_answered)) + 1
-    assert np.all(np.diff(new) == 4)
-    assert rows.tool_age[new] == pytest.approx(max(late, 0.25e-3), abs=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("servo", "exchange"), [(1000.0, 100.0), (3000.0, 1300.0), (10_000.0, 2000.0), (1000.0, 2000.0)]
-)
+@pytest.mark.parametrize(("servo", "exchange"), [(1000.0, 100.0), (3000.0, 1300.0), (1000.0, 2000.0)])
 def test_servo_and_exchange_run_at_any_rates_and_the_wall_stays_steady_stiff_and_passive(servo, exchange):
     motion = {"start": (0.03, 0.0, 0.0), "target": (0.004, 0.0, 0.0), "duration": 2.0}
     system = demo_system(
@@ -101,6 +87,21 @@ def test_servo_and_exchange_run_at_any_rates_and_the_wall_stays_steady_stiff_and
     assert system.plant_memory["energy_given"][0] <= BUDGET
     assert system.simulation.counters.rejoined == 0
     assert rows.handle_sequence[-1] == pytest.approx(1.6 * min(servo, exchange), rel=0.02)
+
+
+@pytest.mark.parametrize("late", [0.0, 1.5e-3, 20e-3])
+def test_samples_are_found_at_their_own_tick_and_a_late_tool_is_behind_the_handle_by_the_way_there_and_no_more(late):
+    """A free tool on a circle, whose own lag is a millisecond."""
+    system, errors, speeds = demo_system("pspm", "free_space", Network(late)), [], []
+    rows = system.run(1.5)[200:]
+    new = np.flatnonzero(np.diff(rows.tool_answered)) + 1
+    assert np.all(np.diff(new) == 4)
+    assert rows.tool_age[new] == pytest.approx(max(late, 0.25e-3), abs=1e-9)
+    for _ in range(200):
+        row = system.run(1e-3)[-1]
+        errors.append(np.hypot(*(system.simulation.method.position[:2] - row.position[:2])))
+        speeds.append(np.hypot(*row.velocity[:2]))
+    assert 0.5 * late <= np.mean(errors) / np.mean(speeds) <= 0.5 * late + 1.2e-3
 
 
 CUT = Network(loss=1.0)

@@ -5,23 +5,20 @@ import random
 from pathlib import Path
 
 import numpy as np
-from examples import few, tries
-from handle_samples import HOME, Recording, handle
+from examples import few
 from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 from in_process import haptic
 from rclpy.serialization import deserialize_message
 
 from fault_injection.flood import mutated
-from haptic_device.control import exchange_samples as law
 from haptic_device.message_fields import AXES
 from haptic_device.nodes import messages
 from haptic_device.recording.layouts import JointLayout
 from haptic_sim.config_problems import problems
-from haptic_sim.exchange.endpoint import ExchangeEndpoint
 
 SHIPPED = sorted((Path(__file__).resolve().parents[2] / "config").rglob("*.yaml"))
-MUTATED_FILES, MUTATED_MESSAGES = 60, tries(6_000)
+MUTATED_FILES = 30
 WORDS = (
     *("", ".nan", ".inf", "-1", "0", "1e400", "-1e-400", "99999999999999999999", "y", "~", "%", "ß", "x" * 4000),
     *("[]", "{}", "[[[]]]", "[" * 300, "{a: " * 200, "'", '"', ":", "- ", "*a", "&a", "!!python/x", "ros__parameters:"),
@@ -59,27 +56,11 @@ def test_a_file_that_somebody_spoilt_is_right_or_refused_in_sentences(tmp_path, 
         assert sentence and "\n" not in sentence and "Traceback" not in sentence
 
 
-def test_of_many_spoilt_handle_messages_the_simulation_takes_only_what_is_finite_and_whole():
-    dice, message = random.Random(1), handle(1e6)
-    end = ExchangeEndpoint(Recording(), HOME)
-    assert end.answer([message], 0) is not None
-    taken = refused = 0
-    for number in range(MUTATED_MESSAGES):
-        if end.answer([mutated(message, dice)], number) is not None:
-            taken += 1
-            sample = end.simulation.asked[-1]
-            numbers = (*sample.position, *sample.velocity, *sample.gains, *sample.effort, sample.energy)
-            assert np.isfinite(numbers).all() and np.abs(sample.position).max() <= law.LIMIT
-            refused += sum(end.refused.values())
-            end = ExchangeEndpoint(Recording(), HOME)  # for which all is new
-    assert taken + refused + sum(end.refused.values()) == MUTATED_MESSAGES and taken < MUTATED_MESSAGES / 2
-
-
 WISHES = st.sampled_from(["nan", "-1", "0", "1e400", "", "../..", "/dev/null", "--", "x" * 300, "\udcff", "inf", "1e9"])
 OPTIONS = ("--seconds", "--rate", "--scene", "--params", "--domain", "--minutes", "--event", "--delay", "--nonsense")
 
 
-@few(30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@few(15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.sampled_from(["check", "passivity", "report", "replay", "compare", "recover"]), st.data())
 def test_a_command_line_of_nonsense_is_refused_in_a_sentence(tmp_path, monkeypatch, name, data):
     monkeypatch.chdir(tmp_path)
@@ -93,7 +74,7 @@ def test_a_command_line_of_nonsense_is_refused_in_a_sentence(tmp_path, monkeypat
 def test_ros_itself_survives_spoilt_bytes_and_says_so():
     dice = random.Random(3)
     message = JointLayout(AXES).pack(0, [0.0] * 3, [0.0] * 3, [0.0] * 3)
-    for _ in range(2000):
+    for _ in range(1000):
         try:
             target = messages.planar_target(deserialize_message(mutated(message, dice), messages.JointState), AXES)
         except Exception as error:  # what the node's own guard survives
