@@ -136,7 +136,8 @@ def test_the_firmwares_hand_goes_round_at_an_even_rate_between_its_easing():
     plant.script()
     for when in (0.4, 1.0, 2.5, 3.6):
         state = plant.at(when)
-        assert math.hypot(*(state.target[:2] - (0.02, 0.0))) == pytest.approx(0.03)
+        angle = 2 * math.pi * 2.0 * (when / 4.0 - 0.05) / 0.9
+        assert state.target[:2] == pytest.approx([0.02 + 0.03 * math.cos(angle), 0.03 * math.sin(angle)], abs=1e-12)
         assert math.hypot(*state.target_velocity[:2]) == pytest.approx(0.03 * 2 * math.pi * 2.0 / (0.9 * 4.0))
     ahead, behind = plant.at(3.9999), plant.at(4.0)
     assert behind.target[:2] == pytest.approx([0.05, 0.0], abs=1e-12)
