@@ -18,17 +18,14 @@ CORNER = ((0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.1, 0.3, 0.0))
 PLACE = st.tuples(*[st.floats(-0.1, 0.1)] * 3)
 
 
-def test_each_part_between_sharp_corners_has_its_share_of_the_time_and_begins_and_ends_at_rest():
+def test_each_part_between_corners_of_60_degrees_has_its_share_of_the_time_and_begins_and_ends_at_rest():
     parts = legs(CORNER)
     assert [part.end for part in parts] == pytest.approx([0.25, 1.0]) and parts[1].start == parts[0].end
     assert along(parts, 0.25) == pytest.approx(CORNER[1])
     assert along(parts, 0.125) == pytest.approx((0.05, 0.0, 0.0)), "half of the way in half of the time"
     assert np.linalg.norm(np.subtract(along(parts, 0.251), CORNER[1])) < 1e-6
-
-
-def test_a_bend_of_less_than_60_degrees_is_taken_in_one_go_and_one_of_more_is_not():
-    for turn, parts in ((np.radians(59.9), 1), (np.radians(60.1), 2)):
-        assert len(legs(((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0 + np.cos(turn), np.sin(turn), 0.0)))) == parts
+    for turn, count in ((np.radians(59.9), 1), (np.radians(60.1), 2)):
+        assert len(legs(((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0 + np.cos(turn), np.sin(turn), 0.0)))) == count
 
 
 @given(st.lists(PLACE, min_size=2, max_size=31), st.lists(st.floats(0.0, 1.0), min_size=1))
@@ -174,14 +171,6 @@ def test_the_guide_switches_no_motor_on(is_so, said):
     assert commands.begun == 0 and commands.hand.goal is None and guide.said["state"] == "off"
 
 
-def test_a_step_waits_behind_a_tenth_of_the_way_and_slow_stays_until_fast():
-    _, guide = guided()
-    do(guide, "step", "slow")
-    assert guide.said == {"state": "playing", "share": 0.0, "slow": True}
-    do(guide, "fast")
-    assert not guide.said["slow"]
-
-
 def test_a_scene_that_cannot_begin_again_is_refused_and_can_be_tried_again():
     def refuse():
         raise ValueError("the scene is being changed already")
@@ -190,8 +179,10 @@ def test_a_scene_that_cannot_begin_again_is_refused_and_can_be_tried_again():
     with pytest.raises(ValueError, match="being changed already"):
         do(guide, "play")
     commands.meanwhile = lambda: None
-    do(guide, "play")
-    assert guide.said["state"] == "playing"
+    do(guide, "step", "slow")
+    assert guide.said == {"state": "playing", "share": 0.0, "slow": True}
+    do(guide, "fast")
+    assert not guide.said["slow"]
     commands.state.scene = None
     guide.stop()
     with pytest.raises(ValueError, match="no scene"):

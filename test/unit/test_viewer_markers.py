@@ -51,14 +51,10 @@ def test_each_body_of_a_scene_is_a_marker_with_its_pose_and_its_area(name):
         assert upper_area(marker.points) == pytest.approx(expected, rel=1e-9)
 
 
-def test_the_faces_of_a_prism_close_it():
-    """Each edge is passed once in either sense, so that no side is open."""
+def test_the_faces_of_a_prism_close_it_for_each_edge_is_passed_once_in_either_sense():
     square = markers.prism(Outline(((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))))
-    edges = [
-        pair
-        for i in range(0, len(square), 3)
-        for pair in zip(square[i : i + 3], (*square[i + 1 : i + 3], square[i]), strict=True)
-    ]
+    corners = [square[i : i + 3] for i in range(0, len(square), 3)]
+    edges = [(one[k], one[(k + 1) % 3]) for one in corners for k in range(3)]
     assert sorted(edges) == sorted((b, a) for a, b in edges)
 
 
@@ -98,23 +94,18 @@ def test_a_spring_is_a_line_between_its_ends():
     assert np.array(spring.points)[:, :2] == pytest.approx(np.array([(0.0, 0.05), (0.2, 0.11)]))
 
 
-def test_walls_of_the_servo_end_where_the_handle_is_free():
+def test_walls_of_the_servo_end_where_the_handle_is_free_within_the_line_of_the_workspace():
     driver = {"wall.normals": [0.0, 1.0, -0.6, 0.8], "wall.offsets": [-0.02, 0.05]}
-    walls = markers.surroundings(settings.walls(driver), None)
-    assert len(walls) == 2
+    *walls, line = markers.surroundings(settings.walls(driver), ((-0.1, 0.2), (-0.3, 0.4), (-1.0, 1.0)))
+    places = np.array(line.points)
+    assert places[0].tolist() == places[-1].tolist() and len(walls) == 2
+    assert (*places.min(0)[:2], *places.max(0)[:2]) == (-0.1, -0.3, 0.2, 0.4)
+    for unknown in ({}, {"wall.normals": [], "wall.offsets": []}, {"wall.normals": [0.0, 1.0]}):
+        assert markers.surroundings(settings.walls(unknown), None) == []
     for marker, normal, offset in zip(walls, ((0.0, 1.0), (-0.6, 0.8)), driver["wall.offsets"], strict=True):
         along = [np.dot(normal, turned(point[:2], marker.pose)) for point in marker.points]
         assert (min(along), max(along)) == pytest.approx((offset - markers.WALL_DEPTH, offset))
         assert upper_area(marker.points) == pytest.approx(markers.WALL_DEPTH * markers.WALL_LENGTH)
-
-
-def test_the_workspace_is_a_closed_line_around_it():
-    [line] = markers.surroundings([], ((-0.1, 0.2), (-0.3, 0.4), (-1.0, 1.0)))
-    places = np.array(line.points)
-    assert places[0].tolist() == places[-1].tolist()
-    assert (*places.min(0)[:2], *places.max(0)[:2]) == (-0.1, -0.3, 0.2, 0.4)
-    for driver in ({}, {"wall.normals": [], "wall.offsets": []}, {"wall.normals": [0.0, 1.0]}):
-        assert markers.surroundings(settings.walls(driver), None) == [], "no wall is shown that is not known"
 
 
 def test_a_body_whose_place_is_not_known_is_left_out_with_its_joints():
