@@ -6,6 +6,7 @@ of sockets; bytes are on their way in between. The devices are the emulators and
 and a hand that pulls by spring and damper; `given` is the energy that the hand got, by that plant.
 """
 
+import contextlib
 import ctypes
 import functools
 import heapq
@@ -87,22 +88,19 @@ def _compiled():
 
 
 class Joints:
-    """An emulator and its joints as a mechanism: arcs of levers of this length [m]."""
+    """An emulator and its joints as a mechanism: arcs of levers of this length [m]; lay: the place of angle 0."""
 
     datagram = False
 
-    def __init__(self, emulator, joints, length, kind, options, device):
-        self.emulator, self.joints, self.length = emulator, joints, length
+    def __init__(self, emulator, joints, length, kind, options, device, lay=0.0):
+        self.emulator, self.joints, self.length, self._lay = emulator, joints, length, lay
         self.codec, self.description = kind.codec(options, device), device
         self.log, self.next = emulator.log, BEGAN
 
-    def hold(self, goal, stiffness=300.0, damping=5.0):
-        """The hand pulls the first joint to this arc [m] by a spring [N/m] and a damper [N s/m]."""
+    def hold(self, goal):
+        """The hand pulls the first joint to this place [m]; its spring and damper suit the joint's inertia."""
         joint, squared = self.joints[0], self.length**2
-        joint.goal, joint.spring, joint.damper = goal / self.length, stiffness * squared, damping * squared
-
-    def let_go(self):
-        self.joints[0].spring = self.joints[0].damper = 0.0
+        joint.goal, joint.spring, joint.damper = (goal - self._lay) / self.length, 300.0 * squared, 8.0 * squared
 
     def serve(self, data, now):
         self.next = now + HAND_STEP
@@ -142,7 +140,7 @@ def two_joints():
     emulated, log = codec_host.emulated("haply"), codec_host.Log()
     board = emulated.Board(log)
     board.log = log
-    return Joints(board, board.joints, emulated.LINK, haply, *codec_host.described("haply_2diy", haply))
+    return Joints(board, board.joints, emulated.LINK, haply, *codec_host.described("haply_2diy", haply), lay=0.0648)
 
 
 class Reference:
@@ -206,8 +204,8 @@ class Link:
         self.mechanism, self.codec, self.ways = mechanism, mechanism.codec, (way, back or way)
         self._random = np.random.default_rng(seed)
         given = values("haptic_driver", **driver)
-        device = mechanism.description.model_copy(update={"actuation_delay": late})
-        self.settings, self.memory = controller_config.settings_from(device, given), np.zeros(1, records.STATE)
+        self.settings = controller_config.settings_from(mechanism.description, given)
+        self.memory, self._late = np.zeros(1, records.STATE), late
         if refused := gain_check.refusal(self.settings[0], late):
             raise ValueError(refused)
         self.period, self.command = round(SECOND / given["servo.rate"]), 0
@@ -226,7 +224,7 @@ class Link:
         self._sample = np.zeros(hardware_interface.SAMPLE)
         self.now, self._events, self._count, self._ends = BEGAN, [], itertools.count(), [0, 0]
         self.gaps = [(who, BEGAN + begin, BEGAN + end) for who, begin, end in gaps]
-        self.rows, self.most_given, self.passing, self._served = [], 0.0, True, False
+        self.rows, self.most_given, self.passing, self._served, self._ended = [], 0.0, True, False, False
         self._tick, self._lively, self._waits, self.missed, self._row = 0, True, None, 0, np.zeros(1, records.TRACE_ROW)
         self._turns = {BRIDGE: 0, DEVICE: 0}
         self._loop(BEGIN)
@@ -288,7 +286,8 @@ class Link:
 
     def _arrive(self, data):
         if self.passing:
-            self._far_end.send(data)
+            with contextlib.suppress(BlockingIOError):  # what a sleeper does not read is lost when there is no room
+                self._far_end.send(data)
             self._look()
 
     # ---- the bridge ----
@@ -310,6 +309,8 @@ class Link:
         """A turn of the bridge; one that was planned before the last is none."""
         if turn not in (None, self._turns[BRIDGE]) or self._postponed(BRIDGE, self._look):
             return
+        if self._ended and what == TURN:
+            return
         self._turns[BRIDGE] += 1
         again = self._loop(what)
         while data := self._sent():
@@ -317,6 +318,8 @@ class Link:
         self._at(max(again, self.now + LOOK), self._look, self._turns[BRIDGE])
         if not self._served and self.control[bridge_loop.PASSED]:  # a driver waits for a device
             self._served = True
+            self._delay = 0.0
+            self._follow()
             self._at(self.now + self.period, self._wake, self.now + self.period)
         if self._waits is not None:
             self._try(self._waits)
@@ -329,10 +332,10 @@ class Link:
 
     def end_bridge(self, well=True):
         """The bridge ends, by a signal that it heeds or by one that it cannot."""
+        self._ended = True
         for _ in range(bridge_loop.LAST_WORDS if well else 0):
             self._look(what=LAST_WORD)
             self.run(bridge_loop.LAST_STEP / SECOND)
-        self.sleep(BRIDGE)
 
     # ---- the device ----
 
@@ -345,7 +348,17 @@ class Link:
         self.most_given = max(self.most_given, self.mechanism.given)
         self._at(max(self.mechanism.due, self.now + 1), self._device, b"", self._turns[DEVICE])
 
-    # ---- the servo, as realtime/servo_loop has it ----
+    # ---- the servo, as realtime/servo_loop has it, and its delay as nodes/driver follows it ----
+
+    def _follow(self):
+        """The link's delay counts as it is measured, with how late most writes are."""
+        delay = float(self.words[shared_memory.DEVICE_FIRST + 10]) * 1e-9
+        if abs(delay - self._delay) > 0.05 * self._delay + 2e-5:
+            self._delay = delay
+            self.settings["hardware"]["delay"] = delay
+            self.settings["version"] += 1
+        gain_check.counted(self.settings, self._delay + 0.0005)
+        self._at(self.now + 50 * MS, self._follow)
 
     def _wake(self, deadline):
         if self._postponed(SERVO, self._wake, deadline):
