@@ -5,6 +5,7 @@ import contextlib
 import json
 import subprocess
 
+import pytest
 from in_process import haptic
 from live_demo import BUSY, demos
 
@@ -29,6 +30,7 @@ def found_of(run):
     return json.loads(run.said.splitlines()[-1])
 
 
+@pytest.mark.realtime
 def test_the_peg_goes_into_the_hole_with_the_reference_device(tmp_path):
     with demos(tmp_path) as demo:
         run = demo("--device", "reference_udp", "--json", *BUSY)
@@ -38,13 +40,13 @@ def test_the_peg_goes_into_the_hole_with_the_reference_device(tmp_path):
     assert found["energy_j"]["given_to_operator_max"] <= BUDGET
 
 
+@pytest.mark.realtime
 def test_the_reference_device_keeps_every_promise_behind_its_bridge():
     ended = haptic("device", "test", "reference_udp", "--json")
     results = {one["name"]: one for one in json.loads(ended.stdout)["checks"]}
     assert list(results) == list(conformance.CHECKS)
-    in_time = results.pop(conformance.IN_TIME)["passed"]  # of this machine too
     assert [one["sentence"] for one in results.values() if not one["passed"]] == []
-    assert ended.returncode == (0 if in_time else 1)
+    assert ended.returncode == 0
 
 
 def test_a_reference_device_is_found_by_its_greeting_with_the_line_for_its_description(tmp_path):
