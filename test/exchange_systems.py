@@ -75,18 +75,16 @@ def credited(method, seed, scale=(1.0, 1.0), limit=20.0, reach=1.0, wall=0.0, mi
     return most
 
 
-def three_axes(method, scale=(1.0, 1.0), limit=20.0, wall=0.0):
+def three_axes(method, scale=(1.0, 1.0), limit=20.0, wall=0.0, **driver):
     """SETTINGS of three axes without limits of motion; arguments as of `credited`."""
     shipped = device(3.0, 1e9, axes=3, scale=scale)
     free = {"velocity_limit": 1e6, "workspace": (-1e6, 1e6), "counts_per_unit": 1e9}
     shipped = shipped.model_copy(update={"axes": tuple(axis.model_copy(update=free) for axis in shipped.axes)})
     gains = {name: gain / scale["rotational" in name] ** 2 for name, gain in GAINS.items()}
     walls = {"wall__normals": (1.0, 0.0), "wall__offsets": (0.0,), "wall__stiffness": (wall,), "wall__damping": (0.0,)}
-    limits = {"force__limit": limit, "force__limit_rotational": limit / 20.0}
-    return controller_config.settings_from(
-        shipped,
-        values("haptic_driver", exchange__method=method, passivity__control=False, **gains, **limits, **walls),
-    )
+    driver |= {"force__limit": limit, "force__limit_rotational": limit / 20.0, "passivity__control": False}
+    given = values("haptic_driver", exchange__method=method, **gains, **walls, **driver)
+    return controller_config.settings_from(shipped, given)
 
 
 def _wild_sample(record, random, number, unit):
@@ -111,11 +109,5 @@ def _books(settings, memory, record):
     )
     depth = max(0.0, settings["wall"]["offset"][0] - record["position"][0])
     stored += 0.5 * settings["wall"]["stiffness"][0] * depth**2
-    return (
-        memory["tank"]["level"]
-        + stored
-        + memory["tank"]["shipped"]
-        - memory["tank"]["returned"]
-        + memory["waves"]["store"]
-        - 0.005
-    )
+    stored += memory["tank"]["level"] + memory["tank"]["shipped"] - memory["tank"]["returned"]
+    return stored + memory["waves"]["store"] - 0.005

@@ -112,20 +112,13 @@ def _feature(memory, own, scale, f):
     one[contact_model.TOOL_X], one[contact_model.TOOL_Y] = 0.05 * own[4], 0.05 * own[5]
     c, s = math.cos(memory.virtual_tool.pose[2]), math.sin(memory.virtual_tool.pose[2])
     near = 0.3 * own[6] * scale[1, 0]  # the gap, about
-    one[contact_model.POINT_X] = (
-        memory.virtual_tool.pose[0] + 0.05 * (c * own[4] - s * own[5]) - near * one[contact_model.NORMAL_X]
-    )
-    one[contact_model.POINT_Y] = (
-        memory.virtual_tool.pose[1] + 0.05 * (s * own[4] + c * own[5]) - near * one[contact_model.NORMAL_Y]
-    )
-    one[contact_model.RADIUS] = (
-        0.005 * max(0.0, own[7]) if one[contact_model.KIND] != contact_model.ROUND else 1e-3 * abs(own[7])
-    )
-    one[contact_model.TOOL_RADIUS], one[contact_model.LOW], one[contact_model.HIGH] = (
-        0.5 * one[contact_model.RADIUS],
-        -0.01,
-        0.01,
-    )
+    x, y = 0.05 * (c * own[4] - s * own[5]), 0.05 * (s * own[4] + c * own[5])
+    one[contact_model.POINT_X] = memory.virtual_tool.pose[0] + x - near * one[contact_model.NORMAL_X]
+    one[contact_model.POINT_Y] = memory.virtual_tool.pose[1] + y - near * one[contact_model.NORMAL_Y]
+    flat = one[contact_model.KIND] != contact_model.ROUND
+    one[contact_model.RADIUS] = 0.005 * max(0.0, own[7]) if flat else 1e-3 * abs(own[7])
+    one[contact_model.TOOL_RADIUS] = 0.5 * one[contact_model.RADIUS]
+    one[contact_model.LOW], one[contact_model.HIGH] = -0.01, 0.01
     one[contact_model.FRICTION], one[contact_model.RESTITUTION] = max(0.0, own[8]), min(1.0, max(0.0, own[9]))
     one[contact_model.VELOCITY_X], one[contact_model.VELOCITY_Y] = 0.3 * own[10], 0.3 * own[11]
     one[contact_model.TURN_RATE], one[contact_model.MOBILITY] = 3.0 * own[12], 10.0 * max(0.0, own[13])

@@ -11,41 +11,22 @@ tank did not cover its move or no answer was found. Then one axis, by the rows o
 import sys
 from pathlib import Path
 
-from haptic_device import controller_config
-
 sys.path.append(str(Path(__file__).resolve().parents[1]))  # of this package
 
-from adversary import contact_search
-from haptic_device.description import load_device
-from haptic_device.parameter_types import defaults
-from haptic_device.parameters import NODES
+from exchange_systems import three_axes
 
-GAINS = {
-    "coupling.stiffness": 2000.0,
-    "coupling.damping": 2.0,
-    "coupling.rotational_stiffness": 2.0,
-    "coupling.rotational_damping": 0.002,
-}
+from adversary import contact_search
+from haptic_device import gain_check
+
 CASES = [(rate, loss, limit) for rate in (1000.0, 4000.0) for loss in (0.0, 0.3) for limit in (20.0, 2.0)]
 
 
-def settings(rate=1000.0, limit=20.0, counts=1e9):
+def settings(rate=1000.0, limit=20.0):
     """SETTINGS of three axes with 1.05 times the damping that the gains need, free to move without end."""
-    device = load_device("desktop")
-    axes = []
-    for axis, kind in zip(device.axes, ("", "", "rotational_"), strict=True):
-        least = 0.5 * GAINS[f"coupling.{kind}stiffness"] / rate + GAINS[f"coupling.{kind}damping"]
-        free = {"damping": 1.05 * least, "counts_per_unit": counts, "velocity_limit": 1e6, "workspace": (-1e6, 1e6)}
-        axes.append(axis.model_copy(update=free))
-    values = defaults(NODES["haptic_driver"])
-    values |= {
-        "exchange.method": "local",
-        "servo.rate": rate,
-        "passivity.control": False,
-        "force.limit": limit,
-        "force.limit_rotational": limit / 20.0,
-    } | GAINS
-    return controller_config.settings_from(device.model_copy(update={"axes": tuple(axes)}), values)
+    given = three_axes("local", limit=limit, servo__rate=rate)
+    stiffness, damping = (given["coupling"][of][0] for of in ("stiffness", "damping"))
+    given["hardware"]["damping"][0] = 1.05 * (0.5 * stiffness / rate + damping)
+    return gain_check.counted(given, 0.0)
 
 
 def main():

@@ -12,39 +12,26 @@ books were ever above the truth. The tool port is searched with a tenth of the e
 import sys
 from pathlib import Path
 
-from haptic_device import controller_config
-
 sys.path.append(str(Path(__file__).resolve().parents[1]))  # of this package
+
+from exchange_systems import one_axis
 
 from adversary import exchange_search, port_search
 from adversary.exchange_search import FREE, Adversary
-from haptic_device.description import load_device
-from haptic_device.parameter_types import defaults
-from haptic_device.parameters import EXCHANGE_METHODS, NODES
+from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_sim.exchange.port import port_of
 from haptic_sim.exchange.port_limits import BUDGET
 from haptic_sim.exchange.simulation import HandleSample
 
 STIFFNESS, DAMPING, PERIOD, STEP = 1000.0, 0.25, 1e-3, 5e-6
-LEAST = STIFFNESS * PERIOD / 2.0 + DAMPING
 CASES = [Adversary(late, loss) for late in (FREE, 0, 1, 5, 20, 100) for loss in (0.0, 0.3)]
 
 
-def settings(method, counts=1e9, limit=20.0, control=False):
+def settings(method, counts=1e9, **driver):
     """SETTINGS of one axis with 1.05 times the damping that its gains need, free to move without end."""
-    device = load_device("desktop")
-    axis = {"damping": 1.05 * LEAST, "counts_per_unit": counts, "velocity_limit": 1e6, "workspace": (-1e6, 1e6)}
-    device = device.model_copy(update={"axes": (device.axes[0].model_copy(update=axis),)})
-    values = defaults(NODES["haptic_driver"])
-    values |= {
-        "exchange.method": method,
-        "servo.rate": 1.0 / PERIOD,
-        "coupling.stiffness": STIFFNESS,
-        "coupling.damping": DAMPING,
-        "passivity.control": control,
-        "force.limit": limit,
-    }
-    return controller_config.settings_from(device, values)
+    given = one_axis(method, STIFFNESS, DAMPING, PERIOD, **driver)
+    given["hardware"]["position_per_count"] = 1.0 / counts
+    return given
 
 
 def show(method, what, adversary, given, evaluations, seed):
@@ -69,12 +56,12 @@ def main():
     for method in methods:
         for seed, adversary in enumerate(CASES):
             show(method, "", adversary, settings(method), evaluations, seed)
-        limited = settings(method, limit=2.0)
+        limited = settings(method, force__limit=2.0)
         show(method, "limit 2 N", Adversary(reach=3.0, books=1, full=1), limited, evaluations, 20)
         show(method, "limit 2 N", Adversary(loss=0.3), limited, evaluations, 21)
         coarse = settings(method, 1.0 / STEP)
         show(method, "step 5 µm", Adversary(coulomb=0.5 * STIFFNESS * STEP, reach=0.1), coarse, evaluations, 22)
-        guarded = settings(method, control=True)
+        guarded = settings(method, passivity__control=True)
         show(method, "controller on", Adversary(loss=0.3), guarded, evaluations, 24)
         show(method, "controller on", Adversary(20, 0.3), guarded, evaluations, 25)
         show(method, "missed ticks", Adversary(rough=1, books=1, full=1), settings(method), evaluations, 23)

@@ -153,11 +153,8 @@ def _write_delay(genes, adversary, period):
 @njit
 def _tick(settings, memory, record, watched, watching):
     """The servo's tick; watches its force, and the change of force that is not the handle's own."""
-    before, faded, handle = (
-        record.output.coupling_position[0],
-        record.output.exchange_fade,
-        record.output.position[0],
-    )
+    before, faded = record.output.coupling_position[0], record.output.exchange_fade
+    handle = record.output.position[0]
     servo.tick(settings, memory, record)
     gains, here = memory.in_force.coupling, record.output.position[0]
     there, gone = _spring(gains, before - here), _spring(gains, before - handle)
@@ -209,11 +206,8 @@ def search(settings, adversary=Adversary(), ticks=150, evaluations=2000, seed=0,
         child = best if start is not None and number == 0 else child
         tank = float(settings["exchange"]["tank"][0]) if adversary.full else 0.0
         given = energy_given(settings, *engaged(tank), child, scale, against, watched)
-        most, energy, value = (
-            np.maximum(most, watched[:3]),
-            max(energy, given),
-            watched[3] if adversary.books else given,
-        )
+        most, energy = np.maximum(most, watched[:3]), max(energy, given)
+        value = watched[3] if adversary.books else given
         better = value > score
         size = min(2.0, max(0.02, size * (1.5 if better else 0.97)))
         best, score = (child, value) if better else (best, score)

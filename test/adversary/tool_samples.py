@@ -39,21 +39,15 @@ def contacts(memory, record, genes, scale, position, k):
     """Local contacts that say what they like: two planes anywhere, moving, giving way, rebounding, in turn renamed."""
     memory.virtual_tool.contacts.number, memory.virtual_tool.contacts.trust = k + 1.0, 1.0 if genes[AGE] < 2.5 else 0.0
     record.tool.contact_age = 0.01 * abs(genes[AGE])
-    memory.virtual_tool.contacts.mass, memory.virtual_tool.contacts.inertia, memory.virtual_tool.contacts.fresh = (
-        0.1,
-        1e-4,
-        1.0,
-    )
+    memory.virtual_tool.contacts.mass, memory.virtual_tool.contacts.inertia = 0.1, 1e-4
+    memory.virtual_tool.contacts.fresh = 1.0
     for i in range(2):
         one, side = memory.virtual_tool.contacts.table[i], 1.0 if (genes[CONTACT] > 0.0) == (i == 0) else -1.0
         identity = 1.0 + i + (2.0 if genes[ENERGY] > 1.0 else 0.0)
         if one[contact_model.IDENTITY] != identity:
             memory.virtual_tool.contacts.constraints[i, contact_solver.MODE] = contact_solver.OPEN
-        one[contact_model.IDENTITY], one[contact_model.KIND], one[contact_model.NORMAL_X] = (
-            identity,
-            contact_model.FLAT_THERE,
-            side,
-        )
+        one[contact_model.IDENTITY], one[contact_model.NORMAL_X] = identity, side
+        one[contact_model.KIND] = contact_model.FLAT_THERE
         at = genes[POSITION] if i == 0 else genes[EFFORT]
         one[contact_model.POINT_X] = position + at * scale[POSITION]
         one[contact_model.VELOCITY_X] = genes[VELOCITY] * scale[VELOCITY]
