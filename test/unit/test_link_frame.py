@@ -7,7 +7,7 @@ import zlib
 import firmware_builds
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from link_device import LENGTHS, packed, stuffed, unstuffed
 
@@ -96,6 +96,9 @@ def test_cobs_examples(coder, data, coded):
 @given(
     st.binary(min_size=1, max_size=400) | st.lists(st.sampled_from([0, 1, 2, 3, 5, 254, 255]), min_size=1).map(bytes)
 )
+@example(coded=b"\x02\0")
+@example(coded=b"\x03\x11\0")
+@example(coded=b"\x03\x11")
 def test_what_is_not_cobs_is_told(coder, coded):
     """COBS leads from length to length to the very end, and has no zero."""
     at = 0
