@@ -241,19 +241,17 @@ def test_a_port_that_may_not_be_opened_or_is_held_is_not_asked_and_says_what_to_
     assert found["notes"] == [f"{machine.root}/dev/ttyACM0 is held by minicom (process 41): end that first"]
 
 
-def test_modem_manager_is_told_of_with_the_rule_that_keeps_it_away(machine):
-    machine.plug("ttyACM0", **TEENSY)
+def test_what_keeps_a_port_late_or_takes_it_away_is_told_of_with_the_rule_against_it(machine):
+    for name, timer in (("ttyUSB0", None), ("ttyUSB1", 1), ("ttyUSB2", 2)):
+        machine.plug(name, latency=timer, **TEENSY)
+    assert [port["notes"] for port in machine.look()[:2]] == [[], []]
+    [note] = machine.look()[2]["notes"]
+    assert "for 2 ms" in note
+    assert 'ATTR{latency_timer}="1"' in note
     machine.run(7, "ModemManager")
     [note] = machine.look()[0]["notes"]
-    assert note.startswith("ModemManager runs") and 'ATTRS{idProduct}=="0483", ENV{ID_MM_DEVICE_IGNORE}="1"' in note
-
-
-@pytest.mark.parametrize("timer, told", [(None, False), (1, False), (2, True)])
-def test_a_latency_timer_of_more_than_a_millisecond_is_told_of(machine, timer, told):
-    machine.plug("ttyUSB0", latency=timer, idVendor="0403")
-    notes = machine.look()[0]["notes"]
-    assert bool(notes) == told
-    assert not told or (f"for {timer} ms" in notes[0] and 'ATTR{latency_timer}="1"' in notes[0])
+    assert note.startswith("ModemManager runs")
+    assert 'ATTRS{idProduct}=="0483", ENV{ID_MM_DEVICE_IGNORE}="1"' in note
 
 
 def test_boards_that_a_stray_byte_may_block_are_not_asked(machine):
@@ -524,12 +522,6 @@ def test_a_way_that_tells_nothing_or_is_along_another_axis_is_asked_for_again_wi
     assert hand.said[0].startswith("axis x: the counts of y changed by -200, its own by 60; is the way along another")
 
 
-def test_figures_of_the_description_may_stand_where_the_measured_ones_agree():
-    for keep, counts in ((True, 200000.0), (False, 201000.0)):
-        _, axes = described(moves(Handle(per_unit=(201000.0, 2000.0, 500.0)), x_keep=keep))
-        assert axes["x"]["counts_per_unit"] == pytest.approx(counts)
-
-
 def test_a_push_that_is_not_allowed_or_moves_nothing_leaves_the_sign_and_says_so():
     handle, stuck = Handle(), Handle()
     hand = moves(handle, x_push=False, y_push=False, theta_push=False)
@@ -650,17 +642,6 @@ def test_a_page_is_looked_at_without_taking_part_and_one_that_is_just_written_te
 BRIDGE = Status(0, 1, "serving", {"device": "mine", "connected": "True", "delay_us": "412.0", "lost": "3", "port": ""})
 
 
-def test_the_table_has_what_page_bridge_driver_and_handle_tell_in_words_and_units():
-    page = device_page.Glance(6, (11, -12, 13), (0.0, 0.0, 0.0), 0.001)
-    driver = Status(0, 0, "engaged", {"state": "engaged", "fault": "none"})
-    shown = device_figures.figures({"haptic_bridge": BRIDGE, "haptic_driver": driver}, page, {"x": 0.01})
-    assert shown["delay of the motor"] == ("412.0", "us")
-    assert shown["counts y"] == ("-12", "")
-    assert shown["position x"] == ("+0.010000", "m")
-    assert shown["status of the device"] == ("motors cut by its watchdog, emergency stop pressed", "")
-    assert not {"port", "position y"} & shown.keys()
-
-
 def test_a_device_answers_where_its_page_is_new_and_its_bridge_connected():
     new, old = (device_page.Glance(0, (0, 0, 0), (0.0, 0.0, 0.0), age) for age in (0.49, 0.51))
     unplugged = BRIDGE._replace(values={"connected": "False"})
@@ -677,13 +658,10 @@ def test_a_device_answers_where_its_page_is_new_and_its_bridge_connected():
 # the command
 
 
-def test_who_serves_a_described_device_is_told_by_its_link(tmp_path):
+def test_who_serves_a_described_device_is_told_by_its_link(tmp_path, monkeypatch):
     for device, node in (("desktop", "loopback"), ("haply_2diy", "bridge")):
         [serving] = device_programs.device_programs(device, {}, tmp_path)
         assert serving[:3] == (f"haptic_{node}", f"haptic_device.nodes.{node}", {"device": device})
-
-
-def test_what_a_users_program_serves_is_left_to_it(monkeypatch):
     monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
     refused = "device own_device is served by a program of your own: start it, and give its --domain"
     with pytest.raises(ValueError, match=refused), device_page.opened("own_device", None, None):

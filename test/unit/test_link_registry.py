@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from haptic_device.config_files import ConfigError
 from haptic_device.description import load_device, parse
-from haptic_device.link import codec, haply, moteus, open_serial, open_udp
+from haptic_device.link import codec, open_serial, open_udp
 from haptic_device.link_registry import LINKS, SERVED, Link
 from haptic_device.nodes.bridge import address, contradictions, pointed
 
@@ -46,18 +46,6 @@ def test_no_mapping_is_another_error_than_a_refusal(link):
         assert "\n" not in str(refused)
     else:
         assert link["type"] in (*SERVED, *LINKS)
-
-
-def test_each_shipped_device_on_a_line_finds_its_module():
-    for name, kind in {
-        "reference_pty": open_serial,
-        "reference_udp": open_udp,
-        "haply_2diy": haply,
-        "moteus_knob": moteus,
-    }.items():
-        device = load_device(name)
-        assert device.link.module is kind
-        assert isinstance(device.link.options, kind.Options)
 
 
 SERIAL, UDP = open_serial.Options(port="/dev/ttyACM0", baud=9600), open_udp.Options(host="box", port=5005)
