@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`python test/count_lines.py [FOLDER…]`: lines of Python code of tracked files, without blanks, comments, docstrings."""
+"""`python test/count_lines.py [FOLDER…]`: lines of Python code of tracked files; blanks, comments, docstrings are none."""
 
 import ast
 import io
@@ -25,8 +25,9 @@ def lines_of_code(text):
 
 
 if __name__ == "__main__":
-    listed = subprocess.run(["git", "ls-files", *(sys.argv[1:] or ["test"])], capture_output=True, text=True, check=True)
-    files = [Path(name) for name in listed.stdout.splitlines() if name.endswith(".py")]
+    command = ["git", "ls-files", *(sys.argv[1:] or ["test"])]
+    listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    files = [Path(name) for name in listed.splitlines() if name.endswith(".py")]
     folders = Counter()
     for file in files:
         folders[str(file.parent)] += lines_of_code(file.read_text())
