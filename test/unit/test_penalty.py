@@ -52,44 +52,11 @@ def test_explicit_steps_are_stable_just_below_their_limit_and_not_above(part, bo
     assert (max(swings[-50:]) <= 1.01 * max(swings[:50])) == bounded
 
 
-@pytest.mark.parametrize("stiffness", [4e5, 4e7, 4e10])
-def test_implicit_steps_are_stable_far_beyond_the_limit_of_explicit_ones(stiffness):
+@pytest.mark.parametrize("stiffness", [1e5, 4e7, 4e10])
+def test_implicit_steps_are_stable_far_beyond_the_limit_of_explicit_ones_and_tend_to_a_rigid_contact(stiffness):
     method = pressed(PenaltyImplicit, 1e-3, stiffness)
-    first = overlap(method, 5e-3, 1)
-    assert 0.0 <= overlap(method, 5e-3, 3000) <= 5e-3 * K / (K + stiffness) * (1.0 + 1e-6) + 1e-15
-    assert first >= 0.0
-
-
-def on_the_ground(kind, h, body, joints=()):
-    """A body with a mass of 1 kg under gravity, on a belt at y = 0 that runs at 0.5 m/s; the tool far off."""
-    belt = {"name": "belt", "fixed": True, "material": "m", "surface_velocity": [0.5, 0.0], "shapes": GROUND}
-    load = {"name": "load", "mass": 1.0, "material": "m", "shapes": [{"box": {"size": [0.2, 0.1]}}], **body}
-    scene = {"name": "t", "materials": {"m": {"friction": 0.4}}, "gravity": [0.0, -9.81], "bodies": [belt, load]}
-    scene |= {"joints": joints, "tool": {"mass": M, "pose": [9.0, 9.0, 0.0], "shapes": BALL}}
-    return kind(reduce_scene(Scene.model_validate(scene)), h, 1e5, 500.0)
-
-
-@pytest.mark.parametrize("kind", BOTH)
-def test_a_block_on_a_belt_has_its_speed_after_v_over_mu_g_and_keeps_it(kind):
-    method = on_the_ground(kind, 1e-4, {"pose": [0.0, 0.05, 0.0]})
-    for time, way in ((0.1, 0.5 * 0.4 * 9.81 * 0.1**2), (0.3, 0.5 * (0.3 - 0.25 / (0.4 * 9.81)))):
-        method.reset()
-        method.step(held(STILL), round(time / 1e-4))
-        assert method.pose("load")[0] == pytest.approx(way, rel=0.01)
-    assert method.bodies()[1][1][0] == pytest.approx(0.5, rel=1e-3)
-
-
-@pytest.mark.parametrize("kind", BOTH)
-@pytest.mark.parametrize(("part", "rises"), [(1.01, True), (0.99, False)])
-def test_a_sliders_motor_lifts_its_load_at_its_speed_if_its_force_is_more_than_the_weight(kind, part, rises):
-    """The explicit one takes up the slip by the contacts' damper, which may be short of the speed by force/damping."""
-    guide = {"type": "slider", "bodies": ["world", "load"], "at": [0.0, 5.0], "axis": [0.0, 1.0], "limits": [0.0, 1.0]}
-    guide["motor"] = {"speed": 0.05, "max_force": part * 9.81}
-    method = on_the_ground(kind, 1e-4, {"pose": [0.0, 5.0, 0.0]}, [guide])
-    method.step(held(STILL), 10000)
-    short = 9.81 / 500.0 if kind is PenaltyExplicit else 0.0
-    assert method.bodies()[1][1][1] == pytest.approx(0.05 - short if rises else 0.0, abs=1e-5)
-    assert (method.pose("load")[1] > 5.01) == rises
+    assert overlap(method, 5e-3, 1) >= 0.0
+    assert overlap(method, 5e-3, 3000) == pytest.approx(5e-3 * K / (K + stiffness), rel=1e-6, abs=1e-15)
 
 
 def worst_gain(kind, stiffness, h=1e-3):
@@ -107,11 +74,6 @@ def test_an_explicit_contact_gives_back_more_than_it_took_at_some_phases_and_an_
     stiffness = 0.5 * M / 1e-3**2
     assert worst_gain(PenaltyExplicit, stiffness) > 1.06
     assert worst_gain(PenaltyImplicit, stiffness) <= 1.0 + 1e-9
-
-
-def test_an_implicit_contact_tends_to_a_rigid_one_as_it_stiffens():
-    depths = [overlap(pressed(PenaltyImplicit, 1e-3, k), 5e-3, 2000) for k in (1e5, 1e6, 1e7)]
-    assert depths == pytest.approx([5e-3 * K / (K + k) for k in (1e5, 1e6, 1e7)], rel=1e-6)
 
 
 def thrown(kind, floor, ball):
