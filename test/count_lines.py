@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`python test/count_lines.py [FOLDER…]`: lines of Python code of tracked files; blanks, comments, docstrings are none."""
+"""`python test/count_lines.py [FOLDER…]`: lines of code of tracked Python files, without blanks, comments, docstrings."""
 
 import ast
 import io
