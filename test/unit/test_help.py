@@ -9,7 +9,6 @@ import typing
 from importlib.metadata import version
 from pathlib import Path
 
-import pytest
 import typer
 from in_process import haptic
 
@@ -35,14 +34,10 @@ def functions():
 FUNCTIONS = functions()
 
 
-def function(name):
-    return FUNCTIONS[name]
-
-
 def told(name):
     """(name, what typer knows of it) of each argument of a command."""
-    hints = typing.get_type_hints(function(name), include_extras=True)
-    there = (argument for argument in inspect.signature(function(name)).parameters if argument != "context")
+    hints = typing.get_type_hints(FUNCTIONS[name], include_extras=True)
+    there = (argument for argument in inspect.signature(FUNCTIONS[name]).parameters if argument != "context")
     return [(argument, hints[argument].__metadata__[0]) for argument in there]
 
 
@@ -51,19 +46,15 @@ def squeezed(text):
     return "".join(text.split())
 
 
-PAGES = ["", "device", *FUNCTIONS]
-
-
-@pytest.mark.parametrize("name", PAGES)
-def test_help_of_every_command_fits_into_eighty_columns(name, monkeypatch):
+def test_help_of_every_command_keeps_every_word_of_every_option_in_eighty_columns_and_h_is_help(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    lines = haptic(*name.split(), "--help").stdout.splitlines()
-    assert lines and max(map(len, lines)) <= 80
-
-
-@pytest.mark.parametrize("name", PAGES)
-def test_h_is_help(name):
-    assert haptic(*name.split(), "-h").stdout == haptic(*name.split(), "--help").stdout
+    for name in ["", "device", *FUNCTIONS]:
+        shown = haptic(*name.split(), "--help").stdout
+        assert shown
+        assert max(map(len, shown.splitlines())) <= 80
+        for _, option in told(name) if name in FUNCTIONS else ():
+            assert squeezed(option.help) in squeezed(shown), name
+    assert haptic("demo", "-h").stdout == haptic("demo", "--help").stdout
 
 
 def test_help_of_haptic_lists_each_command_with_a_whole_sentence_and_imports_none():
@@ -80,30 +71,20 @@ def test_version_is_that_of_the_package():
     assert (done.returncode, done.stdout) == (0, f"haptic_display {version('haptic_display')}\n")
 
 
-def test_a_command_that_is_none_is_refused_with_the_nearest():
+def test_a_command_that_is_none_is_refused_with_the_nearest_and_none_at_all_says_where_to_begin():
     done = haptic("dmeo")
-    assert done.returncode == 2 and "No such command 'dmeo'. Did you mean 'demo'?" in done.stderr
+    assert done.returncode == 2
+    assert "No such command 'dmeo'. Did you mean 'demo'?" in done.stderr
     assert haptic("nonsense").returncode == 2
-
-
-def test_haptic_alone_says_what_there_is_and_where_to_begin():
     done = haptic()
     assert "Begin with: haptic demo --view" in done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_help_keeps_every_word_of_every_option_its_units_in_brackets_too(name):
-    shown = squeezed(haptic(*name.split(), "--help").stdout)
-    for _, option in told(name):
-        assert squeezed(option.help) in shown
-
-
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_the_page_of_commands_has_each_command_with_each_option(name):
-    sections = [part for part in PAGE.split("\n## ") if f"`haptic {name}`" in part.splitlines()[0]]
-    assert len(sections) == 1
-    kind = {argument: option for argument, option in told(name) if type(option).__name__ == "OptionInfo"}
-    for argument, option in kind.items():
-        named = (name for name in (option.default, *(option.param_decls or ())) if str(name).startswith("--"))
-        flag = next(named, f"--{argument.replace('_', '-')}")
-        assert f"`{flag}" in sections[0], flag
+def test_the_page_of_commands_has_each_command_with_each_option():
+    for name in FUNCTIONS:
+        [section] = [part for part in PAGE.split("\n## ") if f"`haptic {name}`" in part.splitlines()[0]]
+        for argument, option in told(name):
+            if type(option).__name__ == "OptionInfo":
+                named = [one for one in (option.default, *(option.param_decls or ())) if str(one).startswith("--")]
+                flag = (*named, f"--{argument.replace('_', '-')}")[0]
+                assert f"`{flag}" in section, (name, flag)
