@@ -21,23 +21,18 @@ def circling(damping=3.0, coulomb=0.02, mass=0.1, every=0.002, radius=0.02):
     return probe.GroundTruth(time, x, v_x, v_y, -loss - 0.5 * mass * square)
 
 
-@pytest.mark.parametrize("damping", [0.01, 0.15, 3.0])
-def test_damping_is_told_from_friction_and_mass_on_a_circle_that_grows_faster(damping):
-    assert probe.apparent_damping(circling(damping), 0.0) == pytest.approx(damping, rel=1e-3, abs=1e-5)
+def test_damping_is_told_from_friction_and_mass_on_a_circle_that_grows_faster():
+    for damping in (0.01, 0.15, 3.0):
+        assert probe.apparent_damping(circling(damping), 0.0) == pytest.approx(damping, rel=1e-3, abs=1e-5)
 
 
-def test_truths_that_were_lost_do_not_move_the_damping():
+def test_truths_that_were_lost_do_not_move_the_damping_and_too_few_are_refused():
     whole = circling()
     kept = np.ones(whole.time.size, bool)
     for lost in (0.7, 1.31, 2.0, 3.2):
         kept &= (whole.time < lost) | (whole.time > lost + 0.05)
-    assert probe.apparent_damping(probe.GroundTruth(*(column[kept] for column in whole)), 0.0) == pytest.approx(
-        3.0, rel=2e-3
-    )
-
-
-def test_a_circle_of_which_too_little_came_is_refused():
-    whole = circling()
+    holed = probe.GroundTruth(*(column[kept] for column in whole))
+    assert probe.apparent_damping(holed, 0.0) == pytest.approx(3.0, rel=2e-3)
     with pytest.raises(ValueError, match="only 0 tenths of a second of the circle came whole"):
         probe.apparent_damping(probe.GroundTruth(*(column[::20] for column in whole)), 0.0)
 
@@ -58,13 +53,10 @@ def test_a_handle_shakes_while_it_keeps_moving_and_giving_energy():
     assert probe.shakes(pressed(2e-3, -1e-4, decay=0.2), 0.0, 5e-6)
 
 
-@pytest.mark.parametrize("begin", [100.0, 1000.0, 5000.0])
-def test_the_boundary_lies_between_a_quiet_and_a_shaking_wall_two_per_cent_apart(begin):
-    found = probe.find_boundary(lambda stiffness: stiffness > 1234.0, begin, 1e5)
-    assert found.quiet <= 1234.0 < found.shaking <= found.quiet * 1.021
-
-
-def test_where_nothing_shakes_or_everything_does_one_side_stays_open():
+def test_the_boundary_lies_between_a_quiet_and_a_shaking_wall_two_per_cent_apart_or_one_side_stays_open():
+    for begin in (100.0, 1000.0, 5000.0):
+        found = probe.find_boundary(lambda stiffness: stiffness > 1234.0, begin, 1e5)
+        assert found.quiet <= 1234.0 < found.shaking <= found.quiet * 1.021
     assert probe.find_boundary(lambda stiffness: False, 100.0, 200.0).shaking is None
     assert probe.find_boundary(lambda stiffness: True, 100.0, 200.0).quiet is None
 
@@ -111,12 +103,13 @@ def said(time, x, energy_given):
     return {"time": (time, 0.0, 0.0), "x": (x, 0.0, 0.0), "energy_given": (energy_given, 0.0, 0.0)}
 
 
-@pytest.mark.parametrize("shaking", [None, *range(len(PHASES))])
-def test_a_live_wall_shakes_if_it_does_twice_at_any_depth(shaking):
+def test_a_live_wall_shakes_if_it_does_twice_at_any_depth():
     """Friction calms small oscillations: one touch that stays still shows only its own phase."""
-    hand = Hand(lambda share: shaking is not None and share == PHASES[shaking])
-    assert LiveDisplay(hand, 0.0, 5e-6).show(1000.0) is (shaking is not None)
-    assert hand.touched == list(PHASES if shaking is None else (*PHASES[: shaking + 1], PHASES[shaking]))
+    for shaking in (None, *PHASES):
+        hand = Hand(lambda share, shaking=shaking: share == shaking)
+        assert LiveDisplay(hand, 0.0, 5e-6).show(1000.0) is (shaking is not None)
+        looked = PHASES if shaking is None else (*PHASES[: PHASES.index(shaking) + 1], shaking)
+        assert hand.touched == list(looked)
 
 
 def test_a_live_wall_that_shakes_once_only_stands_still():
@@ -124,9 +117,9 @@ def test_a_live_wall_that_shakes_once_only_stands_still():
     assert not LiveDisplay(Hand(lambda share: next(answers)), 0.0, 5e-6).show(1000.0)
 
 
-@pytest.mark.parametrize("stalls", [0, 1, TRIES - 1])
-def test_a_touch_during_which_the_machine_stalled_says_nothing_and_is_tried_again(stalls):
-    answers = iter(([None] * stalls + [True]) * 2)
-    assert LiveDisplay(Hand(lambda share: next(answers)), 0.0, 5e-6).show(1000.0)
+def test_a_touch_during_which_the_machine_stalled_says_nothing_and_is_tried_again():
+    for stalls in (0, 1, TRIES - 1):
+        answers = iter(([None] * stalls + [True]) * 2)
+        assert LiveDisplay(Hand(lambda share, answers=answers: next(answers)), 0.0, 5e-6).show(1000.0)
     with pytest.raises(ValueError, match=f"{TRIES} touches of a wall of 1000 N/m ended as the machine stalled"):
         LiveDisplay(Hand(lambda share: None), 0.0, 5e-6).show(1000.0)
