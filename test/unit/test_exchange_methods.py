@@ -71,10 +71,7 @@ def test_counted_dissipation_is_never_more_than_what_the_way_dissipates(way, ste
         gone, truth = gone + moved, truth + moved * moved / period
         before, counted = counted, set_position.dissipated(counted, gone, step, number * period)
         assert before <= counted <= truth * (1.0 + 1e-9) + 1e-15
-
-
-def test_an_encoder_that_flickers_by_one_step_dissipates_nothing_and_a_way_of_two_does():
-    assert set_position.dissipated(0.0, 5e-6, 5e-6, 0.25e-3) == 0.0
+    assert set_position.dissipated(0.0, 5e-6, 5e-6, 0.25e-3) == 0.0  # an encoder that flickers by a step
     assert set_position.dissipated(0.0, 10e-6, 5e-6, 0.25e-3) == pytest.approx(25e-12 / 0.25e-3)
 
 
@@ -94,13 +91,9 @@ def test_a_free_tool_is_foretold_beside_the_handle_as_far_as_its_agility_lets_it
     assert set_position.predicted_beside_handle(straight, 0.01021, 0.0, 0.002, 20.0, 0.004) == pytest.approx(0.01021)
     assert set_position.predicted_beside_handle(straight, 0.02, 0.0, 0.002, 20.0, 0.004) == pytest.approx(0.0102 + 4e-5)
     assert set_position.predicted_position(0.010, 0.1, 1.0, 0.03) == pytest.approx(0.013)
-
-
-@pytest.mark.parametrize(("trust", "share"), [(math.inf, 1.0), (0.002, 0.5), (0.0, 0.0)])
-def test_half_of_a_free_tools_force_is_believed_at_the_age_of_trust_and_none_where_nothing_damps(trust, share):
-    assert set_position.predicted_beside_handle(0.01, 0.01, 1e-5, 0.002, 20.0, trust) == pytest.approx(
-        0.01 - share * 1e-5, abs=1e-12
-    )
+    for trust, share in ((math.inf, 1.0), (0.002, 0.5), (0.0, 0.0)):  # of its force, half at the age of trust
+        beside = set_position.predicted_beside_handle(0.01, 0.01, 1e-5, 0.002, 20.0, trust)
+        assert beside == pytest.approx(0.01 - share * 1e-5, abs=1e-12)
 
 
 @given(spring=FORCE, rate=st.floats(-1.0, 1.0), incoming=FORCE, limit=st.floats(0.5, 50.0), k=st.floats(0.0, 2e4))
