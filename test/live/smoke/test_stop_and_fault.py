@@ -13,6 +13,9 @@ from live_nodes import DISPLAY, command, last_write, page_path
 from waiting import exit_code
 from walls import build, press, provoke
 
+from haptic_device.message_fields import AXES
+from haptic_device.nodes import messages
+
 NODES = DISPLAY
 NO_MOTOR = [0.0, 0.0, 0.0]
 # Told by SIGUSR2 its main thread waits for a line: its executor serves nothing meanwhile.
@@ -104,7 +107,9 @@ def test_an_estop_is_answered_with_the_motor_at_zero_while_the_driver_serves_not
     assert not page_path().exists()
 
 
-def test_a_killed_loopback_leaves_a_stale_page_that_the_next_one_takes_over_and_says_so(ear, nodes):
+def test_a_killed_loopback_leaves_a_stale_page_that_the_next_one_takes_over_and_says_so_and_a_script_takes_no_targets(
+    ear, nodes
+):
     def begun(**given):
         """The process of a new loopback, and the first truth that it tells."""
         began, process = time.monotonic(), nodes.start("haptic_loopback", **given)
@@ -116,3 +121,10 @@ def test_a_killed_loopback_leaves_a_stale_page_that_the_next_one_takes_over_and_
     process, truth = begun(motion__name="hold", motion__start=[0.01, 0.02, 0.3])
     assert truth.position[:3] == pytest.approx([0.01, 0.02, 0.3], abs=1e-6)
     assert f"took over the stale page {page_path()}" in process.log.read_text()
+
+    def refused(level, message, values):
+        ear.target.publish(messages.JointState(name=list(AXES), position=[0.05, 0.0, 0.0]))
+        return int(values["refused_targets"]) > 0
+
+    ear.news("haptic_loopback", refused, what="targets are refused")
+    assert ear.truths[-1].position[3:6] == pytest.approx([0.01, 0.02, 0.3], abs=1e-9)
