@@ -21,10 +21,7 @@ import waiting
 from axe_playwright_python.sync_playwright import Axe
 from chromium import OPTIONS, find
 from playwright.sync_api import sync_playwright
-from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import Parameter
 
 from haptic_device.message_fields import truth_names
 from haptic_device.nodes.messages import STREAM
@@ -33,7 +30,6 @@ from haptic_device.process import ending_with_us
 from haptic_device.recording.layouts import JOINTS, JointLayout
 
 SHOTS = Path(__file__).parents[2] / "build" / "browser"
-FIGURES = []
 HARM = ("moderate", "serious", "critical")  # of what axe finds
 POINT = Path(__file__).parents[1] / "busy.yaml"
 PATIENCE, COMPILING = 120.0, 180.0  # s for what a busy machine does in one, and with kernels that nobody has used yet
@@ -42,18 +38,6 @@ PATIENCE, COMPILING = 120.0, 180.0  # s for what a busy machine does in one, and
 def pytest_collection_modifyitems(items):
     """Pages without nodes come first: nodes take both cores from then on."""
     items.sort(key=lambda item: "system" in item.fixturenames)
-
-
-def pytest_terminal_summary(terminalreporter):
-    """The figures that were found."""
-    for name, wanted, found in FIGURES:
-        terminalreporter.write_line(f"{name:58} {found:>16}   wanted {wanted}")
-
-
-@pytest.fixture
-def figure():
-    """figure(name, wanted, found) is printed at the end."""
-    return lambda name, wanted, found: FIGURES.append((name, wanted, found))
 
 
 class System:
@@ -104,15 +88,14 @@ class System:
 
 
 class Listener:
-    """Keeps truths and targets with the times [s, CLOCK_MONOTONIC] to which they belong, in a thread of its own."""
+    """Keeps truths with the times [s, CLOCK_MONOTONIC] to which they belong, in a thread of its own."""
 
     def __init__(self, domain):
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain)
         self._node = rclpy.create_node("listener", namespace="/haptic", context=self._context)
         self._truths = PolledSubscription(self._node, "operator/state", JOINTS, STREAM, raw=True)
-        self._targets = PolledSubscription(self._node, "operator/target", JOINTS, STREAM)
-        self._layout, self.truths, self.targets = JointLayout(truth_names(3)), [], []
+        self._layout, self.truths = JointLayout(truth_names(3)), []
         self._thread, self._over = threading.Thread(target=self._listen, daemon=True), False
         self._thread.start()
 
@@ -121,23 +104,7 @@ class Listener:
             for sample in self._truths.take():
                 truth = self._layout.unpack(sample.message)
                 self.truths.append((truth.position[7], truth))
-            for sample in self._targets.take():
-                self.targets.append((time.monotonic(), list(sample.message.position)))
             time.sleep(0.001)
-
-    def set_walls(self, **values):
-        """Sets wall.… of the driver, all or none."""
-        kind = Parameter.Type.DOUBLE_ARRAY
-        parameters = [Parameter(f"wall.{name}", kind, value).to_parameter_msg() for name, value in values.items()]
-        client = self._node.create_client(SetParametersAtomically, "haptic_driver/set_parameters_atomically")
-        assert client.wait_for_service(PATIENCE), f"not within {PATIENCE:g} s: the driver's set_parameters_atomically"
-        asked = client.call_async(SetParametersAtomically.Request(parameters=parameters))
-        executor = SingleThreadedExecutor(context=self._context)
-        executor.add_node(self._node)
-        executor.spin_until_future_complete(asked, PATIENCE)
-        executor.remove_node(self._node)
-        assert asked.done(), f"not within {PATIENCE:g} s: an answer of set_parameters_atomically"
-        assert asked.result().result.successful, asked.result().result.reason
 
     def marked(self):
         """Namespaces of the next markers, with the frames they are in."""
@@ -231,20 +198,6 @@ class Tab:
 
     def until_text(self, name, pattern, seconds=PATIENCE):
         self.until(f"/{pattern}/.test(document.getElementById({name!r}).textContent)", seconds)
-
-    def values(self, count=3):
-        """Waits until the viewer has told the driver's values so many times: once to begin with, then each second."""
-        self.page.evaluate(
-            """(count) => new Promise((done) => {
-                const socket = new WebSocket(new URL("socket", location.href.replace("http", "ws")));
-                socket.onmessage = ({ data }) => {
-                    if (JSON.parse(data).kind !== "values" || --count) return;
-                    socket.close();
-                    done();
-                };
-            })""",
-            count,
-        )
 
     def engage(self):
         """Clears a fault and engages, the hand at the scene's start."""

@@ -42,23 +42,29 @@ def places(viewer):
     return [one for one in viewer.asked if one["do"] == "aim"]
 
 
+def until(tab, viewer, found, what):
+    waiting.until(found, what, lambda: tab.page.wait_for_timeout(20), lambda: viewer.asked, limit=PATIENCE)
+
+
 def heard(tab, viewer, message):
     """Waits until a page has asked for this."""
-    waiting.until(
-        lambda: message in viewer.asked, f"{message}", lambda: tab.page.wait_for_timeout(20), lambda: viewer.asked
-    )
+    until(tab, viewer, lambda: message in viewer.asked, f"{message}")
+
+
+def at(tab, viewer, **place):
+    """Waits until the hand was last asked to go there."""
+
+    def there():
+        last = places(viewer)[-1:]
+        return last and all(last[0][axis] == pytest.approx(x, abs=1e-9) for axis, x in place.items())
+
+    until(tab, viewer, there, f"the hand at {place}")
 
 
 def led(tab, viewer):
-    """Waits until a page has led the hand."""
-    waiting.until(lambda: places(viewer), "an aim", lambda: tab.page.wait_for_timeout(20), limit=PATIENCE)
-
-
-def all_asked(tab, viewer):
-    """All that the page had to ask for has come: it has drawn, and its stop is heard after the rest."""
-    viewer.show_drawn(tab)
-    tab.page.keyboard.press("Escape")
-    heard(tab, viewer, STOP)
+    """Waits until a page has led the hand; where to."""
+    until(tab, viewer, lambda: places(viewer), "an aim")
+    return places(viewer)[-1]["x"]
 
 
 def holds(tab):
@@ -73,60 +79,48 @@ def dragged(tab, x, y, *ways):
         tab.page.mouse.move(x + right, y + down)
 
 
-def test_a_mouse_that_is_let_go_lets_the_hand_go(page, viewer):
+def test_a_mouse_leads_the_hand_until_it_is_let_go_and_with_hold_on_until_hold_goes_off(page, viewer):
     dragged(page, *page.middle(), (40, 0))
     led(page, viewer)
     assert LET_GO not in viewer.asked and not holds(page)
     page.page.mouse.up()
     heard(page, viewer, LET_GO)
     assert viewer.asked[-1] == LET_GO
-
-
-def test_with_hold_on_the_hand_stays_at_the_last_place_until_hold_goes_off(page, viewer):
+    viewer.asked.clear()
     page.page.click("#hold")
     dragged(page, *page.middle(), (40, 0), (80, 0))
     page.page.mouse.up()
     page.page.mouse.move(*page.middle())
-    first = places(viewer)[-1]["x"]
+    first = led(page, viewer)
     assert holds(page) and LET_GO not in viewer.asked and first > 0.0
     dragged(page, *page.middle(), (40, 0))
     page.page.mouse.up()
-    waiting.until(lambda: places(viewer)[-1]["x"] > first, "a hand led on", lambda: page.page.wait_for_timeout(20))
-    assert places(viewer)[-1]["x"] == pytest.approx(1.5 * first), "from where it was led, not from where it is"
+    at(page, viewer, x=1.5 * first)  # from where it was led, not from where it is
     page.page.click("#hold")
     heard(page, viewer, LET_GO)
     assert not holds(page)
 
 
-def test_keys_switch_hold_on_and_a_click_on_the_plane_or_h_lets_go(page, viewer):
-    page.page.focus("#scene")
-    for let_go in (lambda: page.page.keyboard.press("h"), lambda: page.page.mouse.click(*page.middle())):
-        viewer.asked.clear()
-        page.page.keyboard.press("ArrowDown")
-        led(page, viewer)
-        assert places(viewer)[-1]["y"] == pytest.approx(-0.002) and holds(page) and LET_GO not in viewer.asked
-        let_go()
-        heard(page, viewer, LET_GO)
-        assert not holds(page)
-    page.page.keyboard.press("h")
-    assert holds(page)
-
-
-def test_keys_that_follow_one_another_quickly_or_slowly_add_up(page, viewer):
+def test_keys_add_up_hold_the_hand_and_a_click_on_the_plane_or_h_lets_go(page, viewer):
     page.page.focus("#scene")
     for slowly in (False, False, True, True):
         page.page.keyboard.press("ArrowRight")
         for _ in range(3 * slowly):
             viewer.show_drawn(page)
-    waiting.until(
-        lambda: places(viewer)[-1]["x"] == pytest.approx(0.008),
-        "four steps, though the hand has not moved yet",
-        lambda: page.page.wait_for_timeout(20),
-        lambda: viewer.asked,
-    )
+    at(page, viewer, x=0.008)  # four steps, though the hand has not moved yet
+    for let_go in (lambda: page.page.keyboard.press("h"), lambda: page.page.mouse.click(*page.middle())):
+        assert holds(page) and LET_GO not in viewer.asked
+        let_go()
+        heard(page, viewer, LET_GO)
+        assert not holds(page)
+        viewer.asked.clear()
+        page.page.keyboard.press("ArrowDown")
+        at(page, viewer, y=-0.002)
 
 
-def test_a_mouse_of_a_thousand_moves_in_a_frame_asks_once_and_for_the_last_place(page, viewer):
+def test_of_a_thousand_moves_in_a_frame_the_last_is_asked_for_and_a_drag_beyond_and_back_ends_where_it_began(
+    page, viewer
+):
     x, y = page.middle()
     dragged(page, x, y)
     moves = """([x, y]) => {
@@ -135,39 +129,27 @@ def test_a_mouse_of_a_thousand_moves_in_a_frame_asks_once_and_for_the_last_place
           { pointerId: 1, clientX: x + i / 10, clientY: y }));
     }"""
     page.page.evaluate(moves, [x, y])
-    all_asked(page, viewer)
+    viewer.show_drawn(page)
+    page.page.keyboard.press("Escape")
+    heard(page, viewer, STOP)  # after all that it had to ask for
     [asked] = places(viewer)
+    page.page.mouse.up()
     viewer.asked.clear()
-    page.page.mouse.move(x + 100, y)
-    led(page, viewer)
-    assert places(viewer)[-1]["x"] == pytest.approx(asked["x"]) and asked["x"] > 0.01
-    page.page.mouse.up()
-
-
-def test_a_drag_beyond_the_workspace_and_back_asks_for_the_place_where_it_began(page, viewer):
-    x, y = page.middle()
-    dragged(page, x, y, (30, 0), (600, 0))
-    waiting.until(
-        lambda: any(one["x"] > 0.13 for one in places(viewer)),
-        "a place beyond",
-        lambda: page.page.wait_for_timeout(20),
-    )
+    dragged(page, x, y, (100, 0))
+    at(page, viewer, x=asked["x"])
+    assert asked["x"] > 0.01
+    page.page.mouse.move(x + 600, y)
+    until(page, viewer, lambda: any(one["x"] > 0.13 for one in places(viewer)), "a place beyond")
     page.page.mouse.move(x, y)
-    waiting.until(
-        lambda: places(viewer)[-1]["x"] == pytest.approx(0.0, abs=1e-9),
-        "the place where it began",
-        lambda: page.page.wait_for_timeout(20),
-        lambda: places(viewer),
-    )
+    at(page, viewer, x=0.0)
     page.page.mouse.up()
 
 
-def test_a_page_that_another_leads_before_is_told_stops_dragging_and_can_take_over(page, viewer):
+def test_another_page_that_leads_stops_a_drag_until_it_is_taken_over_and_a_pointer_goes_on_from_the_hand(page, viewer):
     x, y = page.middle()
     assert not page.page.is_visible("#leader")
     dragged(page, x, y, (20, 0))
     viewer.tell("leader", "other")
-    page.until_text("leader", "Another page leads the hand")
     page.until("!document.getElementById('leader').hidden")
     viewer.asked.clear()
     page.page.mouse.move(x + 60, y)
@@ -180,39 +162,29 @@ def test_a_page_that_another_leads_before_is_told_stops_dragging_and_can_take_ov
     assert holds(page), "it leads, with no pointer down"
     viewer.tell("leader", "none")
     page.until("document.getElementById('hold').getAttribute('aria-pressed') === 'false'")
-
-
-def test_after_the_hand_was_led_elsewhere_a_pointer_that_is_still_down_goes_on_from_there(page, viewer):
-    x, y = page.middle()
     dragged(page, x, y, (50, 0))
     viewer.tell("leader", "none")
     viewer.show_drawn(page, target=[-0.05, 0.0, 0.0])
     viewer.asked.clear()
     for way in (51, 52):
         page.page.mouse.move(x + way, y)
-    led(page, viewer)
-    assert -0.06 < places(viewer)[-1]["x"] < -0.04
+    assert -0.06 < led(page, viewer) < -0.04
     page.page.mouse.up()
 
 
-def test_without_a_hand_to_lead_whoever_drags_or_presses_a_key_is_told(page, viewer):
+def test_without_a_hand_to_lead_whoever_drags_or_presses_a_key_is_told_what_there_is(page, viewer):
     viewer.show_drawn(page, target=None)
     page.page.focus("#scene")
     page.page.keyboard.press("ArrowUp")
     page.until_text("hint", "There is no hand to lead yet")
-    dragged(page, *page.middle(), (40, 0))
-    page.page.mouse.up()
-    all_asked(page, viewer)
-    assert viewer.asked == [STOP] and not holds(page)
-
-
-def test_whoever_drags_at_a_real_device_is_told_to_move_its_handle(page, viewer):
     viewer.tell("status", STATUS | {"nodes": {"haptic_driver": {"level": 0, "message": "", "values": ENGAGED}}})
-    viewer.show_drawn(page, target=None)
     page.until_text("state", "^engaged$")
     dragged(page, *page.middle(), (40, 0))
     page.until_text("hint", "^This is a real device: move its handle yourself.$")
     page.page.mouse.up()
+    page.page.keyboard.press("Escape")
+    heard(page, viewer, STOP)
+    assert viewer.asked == [STOP] and not holds(page)
     viewer.tell("status", STATUS)
 
 
@@ -221,9 +193,8 @@ def test_a_view_only_page_has_the_e_stop_and_escape_and_leads_nothing(chromium, 
     looking.page.goto(viewer.looking)
     looking.until_text("keys", "This page is view-only. Esc: e-stop.")
     viewer.show_drawn(looking)
-    assert looking.page.is_visible("#estop")
     shown = [name for name in ("enable", "disable", "reset") if looking.page.is_visible(f"[data-service={name}]")]
-    assert shown == [] and not looking.page.is_visible("#hold")
+    assert shown == [] and not any(looking.page.is_visible(name) for name in ("#hold", "#record", "#tuning"))
     for press in (lambda: looking.page.keyboard.press("Escape"), lambda: looking.page.click("#estop")):
         viewer.asked.clear()
         press()
@@ -237,7 +208,7 @@ def test_a_view_only_page_has_the_e_stop_and_escape_and_leads_nothing(chromium, 
     looking.page.close()
 
 
-def test_that_something_was_not_sent_is_forgotten_with_the_connection(chromium, viewer):
+def test_what_was_not_sent_is_said_and_forgotten_with_the_connection_and_a_refusal_when_it_is_edited(chromium, viewer):
     cable, far = Cable(viewer.address), Tab(chromium)
     far.page.goto(cable.address)
     far.until("document.getElementById('scene_name').options.length > 0")
@@ -247,16 +218,11 @@ def test_that_something_was_not_sent_is_forgotten_with_the_connection(chromium, 
     far.until_text("scene_answer", "Not sent: no connection")
     cable.whole = True
     far.until_text("scene_answer", "^$")
-    far.page.close()
-
-
-def test_a_refusal_goes_when_what_was_refused_is_edited(page, viewer):
     no = {"to": {"do": "scene", "name": "wall"}, "done": False, "sentence": "wall is no scene"}
     viewer.tell("answer 1", no)
-    page.until_text("scene_answer", "wall is no scene")
-    page.page.evaluate("document.getElementById('mark_text').dispatchEvent(new InputEvent('input', { bubbles: true }))")
-    assert page.text("scene_answer") == "wall is no scene", "elsewhere"
-    page.page.evaluate(
-        "document.getElementById('scene_name').dispatchEvent(new InputEvent('input', { bubbles: true }))"
-    )
-    assert page.text("scene_answer") == "" and "refused" not in page.page.get_attribute("#scene_answer", "class")
+    far.until_text("scene_answer", "wall is no scene")
+    for name, left in (("mark_text", no["sentence"]), ("scene_name", "")):
+        edited = f"document.getElementById('{name}').dispatchEvent(new InputEvent('input', {{ bubbles: true }}))"
+        far.page.evaluate(edited)
+        assert far.text("scene_answer") == left
+    far.page.close()
