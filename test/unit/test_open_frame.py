@@ -349,6 +349,18 @@ def test_the_answer_to_an_older_command_makes_no_other_sample_fresh_for_the_newe
     assert told[codec.LATCHED] == now + 1_500_000 - 1
 
 
+def test_times_of_samples_never_go_back():
+    host, device, now = ready()
+    (header, first), (other, second) = asked(host, device, now), asked(host, device, now + 1000)
+    told = [
+        host.hear(device.frame(SAMPLE, sample(first, first + 900_000), **header), now + 2 * MS),
+        host.hear(device.frame(SAMPLE, sample(second, second), **other), now + 2 * MS),
+    ]
+    assert told[1][codec.LATCHED] == told[0][codec.LATCHED] + 1
+    assert host.hear(device.frame(SAMPLE, sample(first, first)), now + 2 * MS) is None
+    assert host.state[codec.REFUSED] == 0
+
+
 def test_lost_are_the_commands_that_came_due_without_a_sample():
     host, device, now = ready()
     exchanged(host, device, now)
