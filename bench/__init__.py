@@ -4,4 +4,4 @@
 import sys
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "test"))  # of exact solutions and searches
+sys.path.append(str(Path(__file__).resolve().parents[1] / "test"))  # of searches

@@ -15,6 +15,12 @@ from adversary.switching import switched_cancellation_damping
 from bench.jobs import read_csv
 from bench.methods import growth, measure
 from bench.methods.figure import DPI, pareto_figure
+from bench.reference.closed_forms import (
+    delayed_wall_damping,
+    fractionally_delayed_spring_damping,
+    wall_damping,
+    wall_damping_for_any_simulation,
+)
 from bench.theory import mu_threshold
 from haptic_device.analysis import passivity_figure, zwidth_figure, zwidth_map
 from haptic_device.analysis.assessment import Display
@@ -35,12 +41,6 @@ from haptic_device.analysis.passivity_figure import draw_map
 from haptic_device.analysis.transfer import wall_transfer
 from haptic_device.analysis.zwidth import Setup
 from haptic_device.control.passivity import coupling_damping, energy_booked, least_damping
-from reference.closed_forms import (
-    delayed_wall_damping,
-    fractionally_delayed_spring_damping,
-    wall_damping,
-    wall_damping_for_any_simulation,
-)
 
 ROOT = Path(__file__).parents[1]
 STORED = ROOT / "docs" / "benchmarks"

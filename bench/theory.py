@@ -4,18 +4,18 @@
 import numpy as np
 
 from adversary.switching import switched_cancellation_damping
-from haptic_device.analysis.mu import mu_margin
-from haptic_device.analysis.passivity import least_damping
-from haptic_device.analysis.stability import largest_stable_stiffness
-from haptic_device.analysis.transfer import wall_transfer
-from haptic_device.analysis.zwidth import Operator, Setup
-from reference.boundary import CASES, boundary_stiffness
-from reference.closed_forms import (
+from bench.reference.boundary import CASES, boundary_stiffness
+from bench.reference.closed_forms import (
     delayed_wall_damping,
     fractionally_delayed_spring_damping,
     lagged_wall_damping,
     wall_damping,
 )
+from haptic_device.analysis.mu import mu_margin
+from haptic_device.analysis.passivity import least_damping
+from haptic_device.analysis.stability import largest_stable_stiffness
+from haptic_device.analysis.transfer import wall_transfer
+from haptic_device.analysis.zwidth import Operator, Setup
 
 DRAWS = 2000
 

@@ -5,12 +5,12 @@ import math
 
 import numpy as np
 
+from bench.reference.trial import turned_scene
 from haptic_sim.method_registry import make
 from haptic_sim.protocol import STILL, along
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene.geometry import framed, turned
 from haptic_sim.scene.language import Scene
-from reference.trial import turned_scene
 
 G = 9.81
 DOWN = (0.0, -G)

@@ -7,13 +7,13 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from bench.exchange import motion
+from bench.reference import peg
 from haptic_device.control.tool_contacts import LEAVING
 from haptic_sim.method_registry import make
 from haptic_sim.protocol import Coupling, held
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.replay.lockstep import Network
 from haptic_sim.scene.language import Scene, load
-from reference import peg
 
 SMOOTHED = 0.1  # [s] of the polynomial that drag and mass are read from
 DAMPING = 0.5  # [N s/m] B of the coupling

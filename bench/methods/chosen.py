@@ -7,10 +7,10 @@ from typing import Annotated
 import typer
 
 from bench.methods import hard_cases
+from bench.reference.case import NAMES, case
+from bench.reference.reference import reference
 from haptic_sim.cli.scenes import ALL, verify_scenes
 from haptic_sim.verify import LOOK, case_of, verify
-from reference.case import NAMES, case
-from reference.reference import reference
 
 
 def main(

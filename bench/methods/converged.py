@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from reference.case import NAMES, case
-from reference.reference import CLOSED, make, write
+from bench.reference.case import NAMES, case
+from bench.reference.reference import CLOSED, make, write
 
 
 def main(

@@ -17,6 +17,7 @@ from bench.jobs import Kept, listed, plain, sweep, usable, write_csv
 from bench.jobs import markdown as as_table
 from bench.methods.table import default_method
 from bench.methods.world import Impossible, make, title
+from bench.reference.trial import jump, turned_scene
 from haptic_sim.cli.progress import INTERRUPTED
 from haptic_sim.error_metrics import Case
 from haptic_sim.protocol import Coupling
@@ -26,7 +27,6 @@ from haptic_sim.scene.geometry import framed
 from haptic_sim.scene.language import load
 from haptic_sim.scene.shapes import TOOL
 from haptic_sim.verify import CREATED, LEAST, OVERLAP
-from reference.trial import jump, turned_scene
 
 HEAD = (
     "# Hard cases\n\n`python -m bench hard_cases` writes this page. Each scene is turned to several positions, and a "

@@ -11,9 +11,9 @@ from typing import NamedTuple
 from bench.jobs import markdown as as_table
 from bench.methods.measure import Run
 from bench.methods.world import PEERS, title
+from bench.reference.case import FREE, JOINTED, RICH, SINGLE, case
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene.language import load
-from reference.case import FREE, JOINTED, RICH, SINGLE, case
 
 OURS = "closed_form", "partitioned", "event_driven"
 WANTED = {JOINTED: 15.0, SINGLE: 5.0, RICH: 1.0, FREE: 1.0}

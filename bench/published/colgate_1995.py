@@ -2,11 +2,11 @@
 """The paper that this display is built after: eq. 3 by three ways, eq. 5, and damping that is cancelled."""
 
 from adversary.wall_search import Display, search
+from bench.reference.boundary import boundary_stiffness
 from bench.theory import mu_threshold
 from haptic_device.analysis.passivity import least_damping
 from haptic_device.analysis.transfer import wall_transfer
 from haptic_device.analysis.zwidth import OPERATORS, Setup
-from reference.boundary import boundary_stiffness
 
 DAMPINGS = 0.0, 0.25, 1.0, -0.25, -1.0
 """B/(KT)."""

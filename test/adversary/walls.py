@@ -11,7 +11,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))  # of this package
 
 from adversary.switching import switched_cancellation_damping
 from adversary.wall_search import Display, search
-from reference.closed_forms import delayed_wall_damping, lagged_wall_damping, wall_damping
+from bench.reference.closed_forms import delayed_wall_damping, lagged_wall_damping, wall_damping
 
 SIDES = (0.98, 1.02)
 

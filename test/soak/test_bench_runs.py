@@ -9,13 +9,13 @@ import pytest
 from bench.methods import growth, loads, world
 from bench.methods.measure import run
 from bench.methods.world import make
+from bench.reference.case import case
+from bench.reference.reference import reference
 from haptic_sim.error_metrics import STABLE
 from haptic_sim.protocol import Coupling
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import GAINS, overlap_watch
 from haptic_sim.scene.shapes import TOOL
-from reference.case import case
-from reference.reference import reference
 
 PACKAGES = {"box2d": "Box2D", "mujoco_rk4": "mujoco", "mujoco_implicit": "mujoco"}  # of the peers that are optional
 

@@ -4,9 +4,9 @@
 import pytest
 
 from bench.methods.hard_cases import CREATED, LEAST, OVERLAP
+from bench.reference.trial import attempt
 from haptic_sim.reduction.method_choice import LOAD
 from haptic_sim.scene.language import parse
-from reference.trial import attempt
 
 GAPS, SIZE = (0.0, 0.5e-3, 2e-3, 10e-3, 30e-3, 50e-3), 0.01
 """m."""

@@ -6,9 +6,9 @@ import pytest
 
 from adversary.switching import switched_cancellation_damping
 from adversary.wall_search import Display, search
+from bench.reference.closed_forms import delayed_wall_damping, lagged_wall_damping, wall_damping
 from haptic_device.control import virtual_wall
 from haptic_device.control.damping_compensation import cancellation_fade, cancellation_force
-from reference.closed_forms import delayed_wall_damping, lagged_wall_damping, wall_damping
 
 
 @pytest.mark.parametrize(

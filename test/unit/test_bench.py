@@ -15,13 +15,13 @@ from bench import results
 from bench.jobs import read_csv
 from bench.methods import speed_error, table, world
 from bench.methods.measure import Run, run
+from bench.reference.case import case
+from bench.reference.reference import reference
 from bench.servo import cyclictest, link
 from bench.servo import servo as bench_servo
 from haptic_device.realtime import machine
 from haptic_sim.error_metrics import STABLE, judge
 from haptic_sim.supervision import lateness, machine_trial
-from reference.case import case
-from reference.reference import reference
 
 
 def trial(p999, missed=0):

@@ -6,6 +6,8 @@ import math
 import numpy as np
 import pytest
 
+from bench.reference.case import NAMES as CASES
+from bench.reference.trial import attempt
 from haptic_device.config_files import names
 from haptic_sim.method.closed_form import ClosedForm
 from haptic_sim.protocol import Coupling, held
@@ -29,8 +31,6 @@ from haptic_sim.reduction.model import SPRING
 from haptic_sim.scene.geometry import turned
 from haptic_sim.scene.language import SceneError, load, parse
 from haptic_sim.verify import CREATED, OVERLAP, within
-from reference.case import NAMES as CASES
-from reference.trial import attempt
 
 DISC = {"mass": 0.1, "pose": [0.5, 0.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}
 BAR = {"name": "bar", "mass": 1.0, "shapes": [{"box": {"size": [0.2, 0.02], "center": [0.1, 0.0]}}]}

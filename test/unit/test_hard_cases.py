@@ -11,12 +11,12 @@ import pytest
 from examples import searching
 
 from bench.methods import hard_cases
+from bench.reference.trial import attempt, jump
 from haptic_sim.protocol import held
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import GAINS
 from haptic_sim.scene.geometry import framed
 from haptic_sim.scene.language import Scene, load
-from reference.trial import attempt, jump
 
 OVERLAP = 1e-4
 TOUCHING = 1e-12  # m; gap up to which the direct solver takes two shapes for touching

@@ -5,11 +5,11 @@ import math
 
 import pytest
 
+from bench.reference import peg
 from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.protocol import Coupling, held
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene.language import load
-from reference import peg
 
 GAIN = 2.0  # N m/rad
 

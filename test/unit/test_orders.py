@@ -15,15 +15,15 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bench.methods.world import make
+from bench.reference.case import Case, case
+from bench.reference.exact_axis import Axis, axis_motion
+from bench.reference.reference import apart, reference
 from haptic_sim.method.penalty_explicit import PenaltyExplicit
 from haptic_sim.method.penalty_implicit import PenaltyImplicit
 from haptic_sim.protocol import STILL, Coupling, held
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import rollout
 from haptic_sim.scene.language import Scene, load
-from reference.case import Case, case
-from reference.exact_axis import Axis, axis_motion
-from reference.reference import apart, reference
 
 FINE, COARSE = (0.5e-3, 0.25e-3, 0.125e-3, 0.0625e-3), (50e-3, 25e-3, 12.5e-3)
 LED = 10e-3, 5e-3, 2.5e-3

@@ -8,19 +8,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adversary.horizon import least_damping_over_horizon
-from haptic_device.analysis.assessment import coulomb_friction_needed
-from haptic_device.analysis.delay import largest_passive_stiffness, least_damping_delayed, wall_damping_needed
-from haptic_device.analysis.passivity import damping_demand, least_damping
-from haptic_device.analysis.stability import largest_stable_stiffness
-from haptic_device.analysis.transfer import wall_transfer
-from haptic_device.control import passivity
-from reference.closed_forms import (
+from bench.reference.closed_forms import (
     delayed_wall_damping,
     fractionally_delayed_spring_damping,
     lagged_wall_damping,
     late_tick_damping,
     wall_damping,
 )
+from haptic_device.analysis.assessment import coulomb_friction_needed
+from haptic_device.analysis.delay import largest_passive_stiffness, least_damping_delayed, wall_damping_needed
+from haptic_device.analysis.passivity import damping_demand, least_damping
+from haptic_device.analysis.stability import largest_stable_stiffness
+from haptic_device.analysis.transfer import wall_transfer
+from haptic_device.control import passivity
 
 DRAWS = 500  # `python -m bench theory`: 2000
 STIFFNESS = st.floats(1.0, 1e5)

@@ -8,10 +8,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bench.methods.measure import run
-from reference.case import NAMES, case
-from reference.exact_axis import Axis, axis_motion
-from reference.exact_four_bar import angles
-from reference.reference import CLOSED, apart, make, reference
+from bench.reference.case import NAMES, case
+from bench.reference.exact_axis import Axis, axis_motion
+from bench.reference.exact_four_bar import angles
+from bench.reference.reference import CLOSED, apart, make, reference
 
 STORED = [name for name in NAMES if name not in CLOSED]
 G = 9.81

@@ -13,10 +13,10 @@ from scipy.special import ellipk
 from worlds import DOWN, FAR, TURNS, World, body, box, disc, fixed, floor, joint, spring, tool
 from worlds import G as G
 
+from bench.reference.exact_four_bar import angles
 from haptic_sim.method.penalty_explicit import PenaltyExplicit
 from haptic_sim.method.penalty_implicit import PenaltyImplicit
 from haptic_sim.protocol import Coupling
-from reference.exact_four_bar import angles
 
 DIRECT = "partitioned event_driven"
 RIGID = DIRECT + " impulse"

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.reference import exact
+from bench.reference.case import case
+from bench.reference.exact_four_bar import four_bar
 from haptic_sim.error_metrics import Case, Reference, apart, solution
-from reference import exact
-from reference.case import case
-from reference.exact_four_bar import four_bar
 
 CLOSED = {
     "free_space": exact.free_space,

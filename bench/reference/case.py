@@ -3,11 +3,11 @@
 
 import math
 
+from bench.reference.trial import turned_scene
 from haptic_sim.error_metrics import Case
 from haptic_sim.protocol import Coupling
 from haptic_sim.rollout import GAINS
 from haptic_sim.scene.language import load
-from reference.trial import turned_scene
 
 LOOK, LONG_LOOK = 10_000_000, 50_000_000
 """ns between the looks at the bodies' places; the longer one where steps beyond 10 ms make sense."""

@@ -9,10 +9,10 @@ import math
 import numpy as np
 from scipy.special import ellipj, ellipk
 
+from bench.reference.exact_axis import Axis, axis_motion
 from haptic_sim.error_metrics import Case
 from haptic_sim.rollout import EXCHANGE_NS
 from haptic_sim.scene.geometry import turned
-from reference.exact_axis import Axis, axis_motion
 
 
 def looks(case: Case) -> np.ndarray:

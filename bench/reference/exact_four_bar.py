@@ -12,8 +12,8 @@ import math
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from reference.case import Case
-from reference.exact_axis import Axis, axis_motion
+from bench.reference.case import Case
+from bench.reference.exact_axis import Axis, axis_motion
 
 TOLERANCE = 1e-13
 
