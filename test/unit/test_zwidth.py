@@ -7,6 +7,7 @@ from examples import few
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bench.reference.boundary import CASES, boundary_stiffness
 from haptic_device import controller_config
 from haptic_device.analysis.delay import largest_passive_stiffness
 from haptic_device.analysis.stability import largest_stable_stiffness
@@ -29,7 +30,6 @@ from haptic_device.device import loopback_config, operator_hand, plant, simulate
 from haptic_device.parameter_types import defaults
 from haptic_device.parameters import OPERATING_POINT, OPERATOR
 from haptic_device.realtime import servo_loop
-from reference.boundary import CASES, boundary_stiffness
 
 PRESSED = (Operator(pressed=True),)
 SMALL = Request(Setup(0.1, 0.5, 1e-3, seconds=0.2), "none", np.linspace(100.0, 2000.0, 12), np.linspace(-0.5, 1.0, 40))
