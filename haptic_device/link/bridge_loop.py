@@ -115,7 +115,7 @@ def receive(control, m, room):
 
 @njit
 def turn(encode, decode, state, words, control, truth_mail, target_mail, session, came, now, m, room):
-    """What is to be done now [ns]: for the device, of which `came` new bytes are in room.incoming, and for the servo."""
+    """All that is to be done now [ns]; `came`: new bytes of the device in room.incoming, or line.LOST."""
     if atomic.load(control, FD) != m.descriptor:
         m.descriptor, m.have, came = atomic.load(control, FD), 0, 0
         _tell(encode, state, codec.OPENED, now, m, room, control)
