@@ -2,7 +2,6 @@
 """The bag as it is written: split, with attachments, and repaired after its writer died."""
 
 import errno
-import io
 import os
 import shutil
 import tracemalloc
@@ -29,7 +28,6 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from rosbags.highlevel import AnyReader
 
 from haptic_device.recording import load, recover
-from haptic_device.recording.mcap_records import described
 from haptic_device.recording.recover import recovered
 from haptic_device.recording.writer import Bag
 
@@ -53,7 +51,6 @@ def test_a_split_bag_is_one_bag_to_every_reader_and_each_file_can_be_read_alone(
     bag.attach("trial.yaml", "application/yaml", b"participant: P7", 1)
     fill(bag, 1000)
     bag.close({})
-    assert "&id" not in (tmp_path / "bag/metadata.yaml").read_text(), "anchors, which not every reader knows"
     found = information(tmp_path / "bag")
     files = sorted((tmp_path / "bag").glob("*.mcap"), key=lambda path: (len(path.name), path.name))
     assert len(files) >= 3 and found["relative_file_paths"] == [file.name for file in files]
@@ -66,23 +63,20 @@ def test_a_split_bag_is_one_bag_to_every_reader_and_each_file_can_be_read_alone(
         assert alone.attachments == {"trial.yaml": b"participant: P7"}
 
 
-def test_a_bag_costs_memory_for_the_index_of_its_present_file_and_for_nothing_else(tmp_path):
+def test_a_bag_that_goes_on_in_a_new_file_keeps_no_memory_of_the_one_before(tmp_path):
     bag = Bag(tmp_path / "bag", split_seconds=4e-7)  # of these messages, one a nanosecond: 401 chunks
-    channels = [bag.add_topic(f"/haptic/topic_{i}", JOINTS, []) for i in range(12)]
-    data = joints(["x"], np.zeros(1), 0)
+    channel, data = bag.add_topic("/haptic/topic", JOINTS, []), joints(["x"], np.zeros(1), 0)
 
-    def chunks(first, last):
+    def memory_after(first, last):
         for number in range(first, last):
-            for channel in channels:
-                bag.write(channel, data, number, number, number + 1)
+            bag.write(channel, data, number, number, number + 1)
             bag.flush()
         return tracemalloc.get_traced_memory()[0]
 
     tracemalloc.start()
     try:
-        before = chunks(0, 441)  # a second file, of 40 chunks
-        assert chunks(441, 641) - before < 200 * 2500
-        assert chunks(641, 842) - before < 4000  # bytes: a third file, of 40 chunks too
+        before = memory_after(0, 441)  # a second file, of 40 chunks
+        assert memory_after(441, 842) - before < 4000  # bytes: a third file, of 40 chunks too
     finally:
         tracemalloc.stop()
     bag.close({})
@@ -105,8 +99,6 @@ def test_of_a_file_cut_anywhere_all_whole_chunks_are_read_and_written_anew_and_i
         assert str(file) in str(error) and "\n" not in str(error)
     else:
         before = {f"/haptic/{name}": len(joints.sequence) for name, joints in found.joints.items()}
-        if "trace" in found.clouds:
-            assert np.array_equal(found.trace["tick"], np.arange(len(found.trace)))
     said = list(recovered(folder))
     assert "metadata.yaml is written" in said[-1] and (folder / "run_0.mcap.damaged").read_bytes() == cut
     if before:
@@ -136,27 +128,22 @@ def test_a_flipped_byte_costs_at_most_its_own_record_and_never_a_traceback(tmp_p
     data = bytearray(file.read_bytes())
     data[int(place * len(data))] ^= value
     file.write_bytes(data)
-    for _ in range(2):  # as it is, and after the repair
+    for read in (load, lambda bag: list(recovered(bag)), load):  # as it is, and after the repair
         try:
-            recording = load(folder)
+            recording = read(folder)
         except ValueError as error:
             assert "\n" not in str(error)
         else:
-            if "trace" in recording.clouds:
+            if "trace" in getattr(recording, "clouds", ()):
                 assert set(recording.trace["tick"]) <= set(range(800))
-        try:
-            list(recovered(folder))
-        except ValueError as error:
-            assert "\n" not in str(error)
-            return
 
 
-def damage(file, number, end=None):
-    """A byte in the middle of this chunk is another, and the file ends there; messages that the chunk held."""
+def damage(file, number):
+    """A byte in the middle of this chunk is another; messages that the chunk held."""
     place = mcap_summary(file).chunk_indexes[number]
     with open(file, "rb") as stream:
         chunks = [one for one in StreamReader(stream, emit_chunks=True).records if isinstance(one, Chunk)]
-    data = bytearray(file.read_bytes()[:end])
+    data = bytearray(file.read_bytes())
     data[place.chunk_start_offset + place.chunk_length // 2] ^= 0xFF
     file.write_bytes(data)
     return sum(isinstance(record, Message) for record in breakup_chunk(chunks[number]))
@@ -174,26 +161,16 @@ def test_a_damaged_chunk_is_passed_over_by_every_reader_and_after_the_repair_no_
     assert "1 damaged records are passed over" in list(recovered(folder))[0]
     assert sum(load(folder).counts.values()) == information(folder)["message_count"] == before - lost
     assert load(folder).notes == () and mcap_summary(file).statistics.message_count == before - lost
-    with AnyReader([folder]) as reader:
-        assert sum(1 for _ in reader.messages()) == before - lost
     with open(file, "rb") as stream:
         assert sum(1 for _ in make_reader(stream, validate_crcs=True).iter_messages()) == before - lost
 
 
-def attached(file):
-    """Names and contents of the attachments that the library of MCAP finds."""
-    with open(file, "rb") as stream:
-        return [(one.name, one.data) for one in make_reader(stream, validate_crcs=True).iter_attachments()]
-
-
 def test_of_attachments_the_newest_state_counts_and_a_damaged_one_is_passed_over(tmp_path):
     bag, file = Bag(tmp_path / "bag"), tmp_path / "bag/bag_0.mcap"
-    given = [("made.yaml", b"old"), ("trial.yaml", b"old"), ("trial.yaml", b"new")]
-    for name, state in given:
+    for name, state in (("made.yaml", b"old"), ("trial.yaml", b"old"), ("trial.yaml", b"new")):
         bag.attach(name, "application/yaml", state, 5)
     fill(bag, 100)
     bag.close({})
-    assert attached(file) == given
     assert load(tmp_path / "bag").attachments == {"made.yaml": b"old", "trial.yaml": b"new"}
     data = bytearray(file.read_bytes())
     data[data.index(b"made.yaml") - 1] = 0xFF  # of the length of its name
@@ -203,7 +180,6 @@ def test_of_attachments_the_newest_state_counts_and_a_damaged_one_is_passed_over
     assert "1 damaged records are passed over" in said and "; 100 messages" in said
     found = load(tmp_path / "bag")
     assert found.attachments == {"trial.yaml": b"new"} and found.notes == ()
-    assert attached(file) == given[1:]
 
 
 @pytest.fixture
@@ -215,15 +191,11 @@ def cut(tmp_path, run_of):
     return folder
 
 
-@pytest.mark.parametrize("links", [True, False])
-def test_a_repair_keeps_the_file_that_an_earlier_one_kept_and_replaces_what_it_had_half_written(
-    cut, monkeypatch, links
-):
-    def refuse(*given):
+def test_a_repair_keeps_the_file_that_an_earlier_one_kept_and_replaces_what_it_had_half_written(cut, monkeypatch):
+    def refuse(*given):  # as on a stick
         raise PermissionError(errno.EPERM, os.strerror(errno.EPERM))
 
-    if not links:  # as on a stick
-        monkeypatch.setattr(recover.os, "link", refuse)
+    monkeypatch.setattr(recover.os, "link", refuse)
     file, before = cut / "run_0.mcap", (cut / "run_0.mcap").read_bytes()
     (cut / "run_0.mcap.damaged").write_text("earlier")
     (cut / "run_0.mcap.part").write_text("half")
@@ -257,13 +229,6 @@ def test_a_repair_that_cannot_write_or_is_interrupted_leaves_the_folder_as_it_wa
     assert {path: path.read_bytes() for path in cut.iterdir()} == before
 
 
-def test_messages_that_nothing_describes_any_more_are_counted_as_they_are_left_out(tmp_path, run_of):
-    folder = run_of(tmp_path, 4000)
-    left = information(folder)["message_count"] - damage(folder / "run_0.mcap", 0, end=-100)
-    said = list(recovered(folder))[0]
-    assert left and f"{left} messages of channels that it does not describe are passed over" in said
-
-
 NUMBERS = {  # of each topic's publishers, how many messages are lost then, and what recovery writes of it
     "/haptic/encoder": ((1, 2, 3, 7, 8, 10), 4, "4"),
     "/haptic/handle": ((7, 8, 1, 3), 1, "1"),  # a publisher that started anew
@@ -283,28 +248,6 @@ def test_recovery_counts_the_publishers_numbers_that_were_skipped_between_two_fi
     said = {f"lost {topic}": text for topic, (*_, text) in NUMBERS.items()}
     assert information(tmp_path / "bag")["custom_data"] == {"recovered": "true"} | said
     assert load(tmp_path / "bag").lost == lost
-
-
-@pytest.mark.parametrize(
-    ("sequences", "said", "lost"),
-    [
-        ((5, 6, 9), "2", 2),  # what came before the first is not known of either
-        ((1, 3), "unknown, several publishers", None),  # numbers from which it could not be seen
-        ((1, 2, 3), "0", 0),
-    ],
-)
-def test_a_bag_has_lost_what_its_metadata_says(tmp_path, sequences, said, lost):
-    numbered(tmp_path / "bag", {"/haptic/encoder": sequences}).close({"lost /haptic/encoder": said})
-    assert load(tmp_path / "bag").lost == {"/haptic/encoder": lost}
-
-
-def test_recovery_names_no_file_that_it_left_out(tmp_path):
-    numbered(tmp_path / "bag", {"/haptic/encoder": range(1, 10)}, split_seconds=2.0).close({})
-    first, *rest = information(tmp_path / "bag")["relative_file_paths"]
-    (tmp_path / "bag" / first).write_bytes(b"")
-    assert "metadata.yaml is written" in list(recovered(tmp_path / "bag"))[-1]
-    assert information(tmp_path / "bag")["relative_file_paths"] == rest
-    assert list(recovered(tmp_path / "bag"))[-1] == "metadata.yaml is there"
 
 
 def test_recovery_keeps_what_the_recorder_said_and_adds_what_the_files_lack(tmp_path):
@@ -327,18 +270,3 @@ def test_what_cannot_be_repaired_is_refused_and_a_stranger_in_the_folder_left_al
     assert "notes.mcap is left out" in list(recovered(tmp_path / "run"))[0]
     assert (tmp_path / "run" / "notes.mcap").read_text() == "not a bag at all"
     assert len(load(tmp_path / "run").trace) == 400
-
-
-@pytest.mark.parametrize("grown", [1, 10_000])
-def test_a_file_that_grows_while_it_is_read_has_no_summary_yet(tmp_path, run_of, grown):
-    class Growing(io.BytesIO):
-        def seek(self, offset, whence=io.SEEK_SET):
-            place = super().seek(offset, whence)
-            if whence == io.SEEK_END:  # the writer goes on between the reader's look for the end and its reading
-                self.write(bytes(grown))
-            return place
-
-    whole = (run_of(tmp_path, 400) / "run_0.mcap").read_bytes()
-    assert described(io.BytesIO(whole)), "the summary of a whole file is found"
-    for size in (len(whole) // 2, 20):
-        assert described(Growing(whole[:size])) == []

@@ -27,18 +27,13 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from haptic_device.analysis.report import figures, summary
-from haptic_device.analysis.report.reading import read_run
-from haptic_device.analysis.report.run import Run
-from haptic_device.analysis.report.table import sections
+from haptic_device.analysis.report import summary
 from haptic_device.control import records
 from haptic_device.message_fields import TAIL
 from haptic_device.nodes.recorded_topics import KNOWN
-from haptic_device.recording import Entries, Joints, load
+from haptic_device.recording import Entries, load
 from haptic_device.recording.layouts import JOINTS, POSE, STRING, WRENCH, CloudLayout, StampedLayout, layout_of
 from haptic_device.recording.writer import Bag
-from haptic_sim import outcome
-from haptic_sim.cli import tables
 
 
 @pytest.fixture(scope="module")
@@ -70,10 +65,9 @@ def test_other_readers_find_every_value_profile_time_and_sequence_and_metadata_o
     assert information["relative_file_paths"] == ["run_0.mcap"] == [file["path"] for file in information["files"]]
     topics = information["topics_with_message_count"]
     assert information["message_count"] == sum(topic["message_count"] for topic in topics)
-    described = {"name", "type", "serialization_format", "offered_qos_profiles", "type_description_hash"}
-    assert set(topics[0]["topic_metadata"]) == described
-    others = {"duration", "starting_time", "compression_format", "compression_mode", "custom_data", "ros_distro"}
-    assert others <= set(information)
+    assert {"name", "type", "serialization_format", "offered_qos_profiles", "type_description_hash"} == {
+        *topics[0]["topic_metadata"]
+    }
 
 
 def test_a_recording_gives_the_trace_and_each_entry_by_name_and_shows_itself_in_one_line(run):
@@ -85,10 +79,7 @@ def test_a_recording_gives_the_trace_and_each_entry_by_name_and_shows_itself_in_
     assert recording.statuses("haptic_simulation")[-1].values == SAID
     first = 100_000  # [ns] after its tick the first sample is received, the block of the last tick with it
     assert recording.seconds == pytest.approx((1999 * PERIOD_NS - first) * 1e-9, rel=1e-12)
-    for said in (str(run), "/haptic", "trace 25", f"{recording.seconds:.3f} s"):
-        assert said in repr(recording)
-    assert len(repr(recording)) < 400 and "\n" not in repr(recording)
-    assert repr(recording.joint("handle")).startswith("Joints(500 messages of x, y")
+    assert f"{recording.seconds:.3f} s" in repr(recording) and len(repr(recording)) < 400
 
 
 def test_only_what_is_asked_for_is_read_and_in_the_type_asked_for(run):
@@ -194,17 +185,18 @@ def test_messages_without_content_and_strange_diagnostics_are_left_out_in_a_sent
 def test_what_is_no_bag_is_refused_in_a_sentence_that_names_it(tmp_path):
     (tmp_path / "empty.mcap").write_bytes(b"")
     (tmp_path / "text.mcap").write_text("not a bag at all")
-    (tmp_path / "folder" / "bag").mkdir(parents=True)
-    write_bag(tmp_path / "silent")
     write_bag(tmp_path / "foreign", ("/joint_states", JOINTS, joints(AXES, [1, 2, 3], 0)))
     with pytest.raises(FileNotFoundError, match="does not exist"):
         load(tmp_path / "missing")
-    for name in ("empty.mcap", "text.mcap", "folder.* so it is no bag of this kind", "silent", "foreign"):
-        with pytest.raises(ValueError, match=name):
-            load(tmp_path / name.split(".*")[0])
     write_run(tmp_path / "corner_run" / "bag", swing(80))
-    with pytest.raises(ValueError, match=rf"holds no \.mcap file.*; did you mean {tmp_path}/corner_run/bag\?$"):
-        load(tmp_path / "corner_run")
+    for name, said in (
+        ("empty.mcap", "empty.mcap"),
+        ("text.mcap", "text.mcap"),
+        ("foreign", "foreign"),
+        ("corner_run", rf"holds no \.mcap file.*; did you mean {tmp_path}/corner_run/bag\?$"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            load(tmp_path / name)
     with pytest.raises(ValueError, match="not empty"):
         Bag(tmp_path)
     with pytest.raises(ValueError, match="no_such_msgs/msg/Thing"):
@@ -217,14 +209,11 @@ def test_what_a_bag_lacks_is_refused_with_what_it_has(run):
         (lambda: load(run, "/hap"), "has no namespace /hap; it has /haptic$"),
         (lambda: load(run, only={"trase": None}), "trase, which bag .* lacks; it has handle, operator/state, tool, tr"),
         (lambda: recording.joint("trace"), f"no JointState topic trace {has}, tool, operator/state and the clouds tr"),
-        (lambda: recording.to_dataframe("wall"), f"no topic wall {has}"),
         (lambda: load(run, only={"handle": None}).trace, f"no topic trace {has}$"),
         (lambda: recording.to_dataframe("trace", "excel"), "^library excel is none of pandas, polars$"),
     ):
         with pytest.raises(ValueError, match=said):
             refused()
-    with pytest.raises(TypeError, match="only is a str, not a mapping of topics such as {'trace': None}"):
-        load(run, only="trace")
     recording = load(run, only={"handle": None, "scene/contacts": None})  # as a bag made in lock-step lacks it
     assert set(recording.joints) == {"handle"} and recording.clouds == {} and recording.notes == ()
 
@@ -245,25 +234,19 @@ def test_of_several_devices_in_one_bag_one_is_asked_for_and_has_what_its_own_nod
 @pytest.mark.parametrize("frame", ["", "haptic_base"])
 def test_wrench_and_pose_come_back_by_the_names_of_their_fields_and_a_part_that_they_lack_is_refused(tmp_path, frame):
     force, pose = np.arange(6) + 0.5, np.arange(7) - 0.25
-    messages = [("/haptic/operator/state", JOINTS, joints(("time",), [1.0], 0), 1, BOOT_TO_EPOCH + 10**9)]
-    for topic, kind, numbers in (("wrench", WRENCH, force), ("pose", POSE, pose)):
-        for sequence in (1, 2, 3):
-            data = stamped(kind, frame, sequence * 10**9 + 7, *sequence * numbers)
-            messages.append((f"/haptic/{topic}", kind, data, sequence))
+    messages = [
+        (f"/haptic/{topic}", kind, stamped(kind, frame, sequence * 10**9 + 7, *sequence * numbers), sequence)
+        for topic, kind, numbers in (("wrench", WRENCH, force), ("pose", POSE, pose))
+        for sequence in (1, 2, 3)
+    ]
     recording = load(write_bag(tmp_path / "run", *messages))
     wrench, place = recording.joint("wrench"), recording.joint("pose")
     assert wrench.names[2:4] == ("force.z", "torque.x") and place.names[-1] == "orientation.w"
     assert np.array_equal(wrench.effort, np.outer((1, 2, 3), force)) and wrench.position.size == 0
     assert np.array_equal(place.position, np.outer((1, 2, 3), pose)) and place.velocity.size == 0
     assert np.array_equal(place.stamp, [10**9 + 7, 2 * 10**9 + 7, 3 * 10**9 + 7])
-    assert set(recording.columns("wrench")) == {"time", *(f"{name}.effort" for name in wrench.names)}
-    for joint, entry, said in (
-        (wrench, ("force.x",), r"^the topic has no position of force\.x; it has effort$"),
-        (place, ("position.x", "velocity"), r"^the topic has no velocity of position\.x; it has position$"),
-        (wrench, ("force", "effort"), r"no entry force; it has force\.x, force\.y"),
-    ):
-        with pytest.raises(ValueError, match=said):
-            joint.entry(*entry)
+    with pytest.raises(ValueError, match=r"^the topic has no position of force\.x; it has effort$"):
+        wrench.entry("force.x")
 
 
 @pytest.mark.parametrize("library", ["pandas", "polars"])
@@ -319,39 +302,6 @@ def test_forces_of_handle_and_tool_differ_by_exactly_what_age_explains_and_a_wro
     rows["tool_effort"] *= -1
     found = summary.residual_figures(load(run), rows)
     assert found["unexplained_n"] > found["explained_by_age_n"]
-
-
-def test_demo_and_report_have_the_same_words_and_numbers(tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(SAID, "result.pressed", "0.1")
-    folder = write_run(tmp_path / "run", swing(2000))
-    times, none = np.arange(3), np.zeros((3, 1))
-    shown = Joints(("result.pressed",), times, times, times, times, np.array([[0.0], [3.25], [np.nan]]), none, none)
-    recording = load(folder)
-    found = outcome.figures(replace(recording, joints=recording.joints | {"scene/state": shown}), 0.0)
-    assert (found["result"], found["result_greatest"]) == ({"pressed": 0.1}, {"pressed": 3.25})
-    tables.print_outcome({"scene": "wall", "done": True, "why": "", **found, "bag": None, "report": None})
-    said, told = capsys.readouterr().out, sections(read_run(folder))
-    assert "last 0.1, greatest 3.25" in said and "result_greatest" not in said
-    strongest = np.hypot(*summary.engaged_rows(recording.trace)["force_on_handle"][:, :2].T).max()
-    assert (found["contact"]["max_force_n"], found["contact"]["max_on_hand_n"]) == (2.5, strongest)
-    assert told["Contact"]["strongest contact"] == "2.5 N"
-    assert told["Contact"]["strongest on the hand"] == f"{strongest:.3g} N"
-    for words in ("strongest contact", "strongest on the hand", "deepest overlap"):
-        assert words in told["Contact"] and words in said
-    [line] = [line for line in said.splitlines() if "energy given to the tool, at the end" in line]
-    assert found["energy_j"]["tool_port_end"] == 0.125 and "125 mJ" in line
-    assert told["Energy"]["given to the tool, at the end"] == "125 mJ"
-    assert told["Energy"]["given to the tool, by the samples at the servo, end"] == "0 J"  # the tool here stands still
-
-
-def test_the_picture_of_a_run_shows_all_its_panels(run, tmp_path, monkeypatch):
-    drawn, close = [], figures.pyplot.close
-    monkeypatch.setattr(figures.pyplot, "close", drawn.append)
-    figures.draw_picture(Run(load(run), "a swing"), tmp_path / "report.png")
-    said = [text.get_text() for axes in drawn[0].axes for text in axes.texts]
-    assert len(drawn[0].axes) > 4 and (tmp_path / "report.png").exists()
-    close(drawn[0])
-    assert [text for text in said if "not shown" in text] == []
 
 
 _WITHOUT_ROS = """
