@@ -46,23 +46,13 @@ def change_metadata(bag: Path, **changes) -> None:
     (bag / METADATA).write_text(yaml.safe_dump(content))
 
 
-def anew(**options):
-    """The one file of the bag written with other options."""
-
-    def store(bag):
-        file = next(bag.glob("*.mcap"))
-        write(file, *records_of(file), **options)
-
-    return store
-
-
-def in_order(order):
-    """The one file of the bag with its messages in another order."""
+def anew(order=lambda messages: range(len(messages)), **options):
+    """The one file of the bag written with its messages in another order, or with other options."""
 
     def store(bag):
         file = next(bag.glob("*.mcap"))
         messages, attachments = records_of(file)
-        write(file, [messages[place] for place in order(messages)], attachments)
+        write(file, [messages[place] for place in order(messages)], attachments, **options)
 
     return store
 
@@ -89,8 +79,7 @@ def split_against_names(bag):
 
 
 def copy_beside(bag):
-    file = next(bag.glob("*.mcap"))
-    shutil.copy(file, bag / "copy.mcap")
+    shutil.copy(next(bag.glob("*.mcap")), bag / "copy.mcap")
 
 
 def foreign_beside(bag):
@@ -148,8 +137,8 @@ WHOLE = {  # how it is stored, and what of the folder is left out, if anything
     "chunks not compressed": (anew(compression=CompressionType.NONE), ()),
     "no chunks": (anew(use_chunking=False), ()),
     "no index": (anew(index_types=IndexType.NONE, use_statistics=False, use_summary_offsets=False), ()),
-    "topic by topic": (in_order(by_topic), ()),
-    "shuffled": (in_order(shuffled), ()),
+    "topic by topic": (anew(by_topic), ()),
+    "shuffled": (anew(shuffled), ()),
     "split against names": (split_against_names, ()),
     "a copy beside": (copy_beside, ("copy.mcap is left out: metadata.yaml does not name it",)),
     "another run beside": (foreign_beside, ("run_1.mcap is left out: metadata.yaml does not name it",)),

@@ -12,12 +12,10 @@ from matplotlib.figure import Figure
 
 from bench.jobs import read_csv
 from bench.methods import growth, measure
-from bench.methods.figure import LEAST, pareto_figure
-from haptic_device.analysis import palette, passivity_figure, zwidth_figure
+from bench.methods.figure import pareto_figure
+from haptic_device.analysis import palette, passivity_figure
 from haptic_device.analysis.assessment import Display, assess
 from haptic_device.analysis.report import curves
-from haptic_device.analysis.zwidth import NAMES, Outcome, Setup
-from haptic_device.analysis.zwidth_map import Plane, Request
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_sim import method_registry, viewer
 from haptic_sim.film import gif
@@ -25,8 +23,6 @@ from haptic_sim.film import gif
 ROOT = Path(__file__).parents[2]
 STORED = ROOT / "docs" / "benchmarks"
 OF_COLOURS = ("palette.py", "style.py")
-
-
 EYES = {
     "usual": np.eye(3),
     "protanope": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
@@ -65,20 +61,6 @@ def difference(one, other, eye):
     return float(np.linalg.norm(lab(one, eye) - lab(other, eye)))
 
 
-def saved(monkeypatch, save, *words):
-    """The figure that `save` writes."""
-    figures = []
-    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: figures.append(figure))
-    save(*words, Path("picture.png"))
-    return figures[0]
-
-
-def legend(figure):
-    """Words of the only legend."""
-    (shown,) = figure.legends or [axes.get_legend() for axes in figure.axes if axes.get_legend()]
-    return [text.get_text() for text in shown.get_texts()]
-
-
 @pytest.mark.parametrize(
     ("stiffness", "verdict", "mark", "colour"),
     [
@@ -87,43 +69,20 @@ def legend(figure):
     ],
 )
 def test_the_verdict_on_a_display_is_told_by_mark_colour_and_word(monkeypatch, stiffness, verdict, mark, colour):
-    display = Display(stiffness, 0.0, 0.5, 1e-3, mass=0.1)
-    figure = saved(monkeypatch, passivity_figure.save_map, display, assess(display))
-    (point,) = (line for line in figure.axes[0].lines if len(line.get_xdata()) == 1)
+    saved, display = [], Display(stiffness, 0.0, 0.5, 1e-3, mass=0.1)
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: saved.append(figure))
+    passivity_figure.save_map(display, assess(display), Path("picture.png"))
+    (point,) = (line for line in saved[0].axes[0].lines if len(line.get_xdata()) == 1)
     assert (point.get_marker(), point.get_color()) == (mark, colour)
-    assert f"this display: {verdict}" in legend(figure)
-    assert figure.axes[0].get_title() == passivity_figure.TITLE
-    assert figure.axes[0].get_legend() is None  # it is below, off the data
+    assert f"this display: {verdict}" in [text.get_text() for text in saved[0].legends[0].get_texts()]
 
 
-@pytest.mark.parametrize("there", [(0,), (0, 2), (0, 1, 2)])
-def test_the_legend_of_a_plane_of_cells_has_what_cells_did_and_nothing_else(monkeypatch, there):
-    cells = np.resize(np.array(there, dtype=np.int8), (4, 3))
-    request = Request(Setup(0.1, 0.5, 1e-3), "none", np.linspace(100.0, 1000.0, 3), np.linspace(0.0, 1.0, 4))
-    plane = Plane(Outcome(cells, np.zeros((4, 3)), np.zeros((4, 3))), np.ones(4, dtype=bool))
-    figure = saved(monkeypatch, zwidth_figure.save_map, request, plane, 0.0)
-    assert [word for word in legend(figure) if word in NAMES] == [NAMES[which] for which in there]
-    assert figure.axes[0].get_legend() is None
-    assert "m = 0.1 kg" in figure.legends[0].get_title().get_text()
-
-
-def test_pictures_of_the_stored_runs_are_whole_to_one_scale_and_have_one_colour_for_a_method():
+def test_pictures_of_the_stored_runs_are_to_one_scale():
     runs = read_csv(STORED / "speed_error.csv", measure.Run)
     errors, growing = pareto_figure(runs), growth.figure(read_csv(STORED / "growth.csv", growth.Run))
     assert [axes.get_title() for axes in errors.axes] == list(dict.fromkeys(item.scene for item in runs))
     assert len({(axes.get_xlim(), axes.get_ylim()) for axes in errors.axes}) == 1
-    assert {"partitioned", "the scene's own method and step"} <= set(legend(errors))
-    drawn = [float(x) for axes in errors.axes for line in axes.lines for x in line.get_xdata()]
-    assert min(drawn) == LEAST > min(item.error for item in runs if item.counts)
-    *shown, last = growing.axes
-    assert all(axes.lines for axes in shown) and last.get_legend() and not last.axison
-    assert len({axes.get_ylim() for axes in shown}) == 1
-    assert [axes.get_title().split(":")[0] for axes in shown] == list(growth.WORLDS)
-    for figure in (errors, growing):
-        lines = figure.legends[0].get_lines() if figure.legends else last.get_legend().get_lines()
-        colours = dict(zip(legend(figure), (line.get_color() for line in lines), strict=False))
-        for method in ("impulse", "partitioned"):
-            assert colours[method] == palette.METHODS[method].colour
+    assert len({axes.get_ylim() for axes in growing.axes[:-1]}) == 1
 
 
 def test_no_two_colours_of_a_picture_look_alike_to_anybody():

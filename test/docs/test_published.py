@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from in_process import bench
 
-from bench.published import choi_tan_2004, colgate_brown_1994, table
+from bench.published import table
 from bench.published.source import Result, agrees
 from haptic_device.config_files import ConfigError
 
@@ -43,18 +43,6 @@ def test_all_results_are_kept_and_the_page_shows_them():
     assert list(map(without_ours, shown)) == list(map(without_ours, made))
 
 
-def test_the_clean_stiffness_rises_with_the_rate_up_to_1_khz_and_no_further():
-    values = [choi_tan_2004.clean(rate) for rate in (250.0, 500.0, 1e3, 2e3, 10e3, 40e3)]
-    assert values == pytest.approx([944.0, 2113.0, *[4217.0] * 4], abs=1.0)
-
-
-@pytest.mark.parametrize("friction, first", [(0.05, "damping"), (0.02, "velocity filter")])
-def test_damping_widens_the_range_of_walls_most_if_friction_covers_the_encoder_step(friction, first):
-    widths = colgate_brown_1994.widths(friction)
-    others = [widths[name] for name in widths if name != first]
-    assert 0.5 * widths[first] > max(others)
-
-
 def test_the_command_prints_the_table_and_writes_the_page(folder, tmp_path, monkeypatch):
     written(folder, GIL)
     (folder / "head.md").write_text("# Head\n", encoding="utf-8")
@@ -81,10 +69,7 @@ OF_SOURCE = [  # what is changed in a source, into what, and what is said of it
     ("    tolerance: 0.01", "    tolerance: 0.01\n    tolerence: 0.01", "'tolerence'"),
     ("kind: exact", "kind: roughly", "it should be 'exact', 'shape' or 'order'"),
     ("tolerance: 0.01", "tolerance: 0", "it should be greater than 0"),
-    ("tolerance: 0.01", "tolerance: .nan", "results[0].tolerance"),
     ("kind: exact", "kind: order", "is an order; it must have `order` with two names"),
-    ("kind: exact", "kind: shape", "has tolerance 0.01; a factor must be 1 or more"),
-    ("    published: [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]\n", "", "must have `published` with a number at least"),
     ("address: https:", "address: file:", "it must begin with https:// or http://"),
     ("gil_2009.boundary", "os.system", "ours is 'os.system'; it must be one of abbott_okamura_2005.damping"),
 ]
@@ -92,7 +77,6 @@ KIND = "kind: exact\n    published: [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]"
 OF_OURS = [  # the same, where it does not fit what we compute
     ("published: [1.0,", "published: [1.0, 1.0,", "results[0] has 7 numbers in `published`; gil_2009.boundary gives 6"),
     ("gil_2009.boundary", "diolaiti_2006.stable", "is of kind exact; diolaiti_2006.stable gives named values"),
-    (KIND, "kind: order\n    order: [long, short]", "has 'long' in `order`; gil_2009.boundary gives numbers without"),
     (
         f"ours: gil_2009.boundary\n    {KIND}",
         "ours: diolaiti_2006.stable\n    kind: order\n    order: [comes to rest, passiv]",

@@ -10,14 +10,8 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import link_frames
-import numpy as np
 import pytest
-import yaml
-from in_process import haptic
 
-from bench.jobs import read_csv
-from bench.methods import table
-from bench.methods.measure import Run
 from haptic_device.control import enable_state, records
 from haptic_device.description import load_device
 from haptic_device.message_fields import AXES, TAIL, exchange_names, frame_id, truth_names
@@ -30,11 +24,8 @@ from haptic_device.yaml_reader import load as load_yaml
 from haptic_sim.cli.docs import fault_table
 from haptic_sim.cli.main import COMMANDS
 from haptic_sim.config_problems import problems
-from haptic_sim.exchange.simulation import Simulation
 from haptic_sim.method_registry import offered
 from haptic_sim.node import simulation
-from haptic_sim.reduction import reduce_scene
-from haptic_sim.rollout import Exchanged, hand, rollout, way
 from haptic_sim.scene import language
 from haptic_sim.scene.joints import JOINTS, Joint
 from haptic_sim.scene.shapes import SHAPES, Body, Material, Tool
@@ -46,6 +37,7 @@ TOPICS, LINK, SCENE, FORMATS, CLI, FAULTS, PLATFORM = (
     ROOT / f"docs/reference/{name}.md"
     for name in ("topics", "link_protocol", "scene_language", "file_formats", "cli", "faults", "platform")
 )
+TRACE = records.TRACE_ROW.names
 COUNTED = ("counts", "motor")  # whose units are the device's
 LETTERS = {"u8": "B", "u16": "H", "u32": "I", "i16": "h", "i32": "i", "i64": "q", "f32": "f", "f64": "d"}
 PAYLOADS = {
@@ -118,11 +110,6 @@ def head_of_a_frame():
     return "<" + "".join(LETTERS[kind] for _, kind, _ in fields), int(payload[0])
 
 
-def stored_runs():
-    """Lines of the table that is made of the stored runs."""
-    return table.markdown(read_csv(BENCHMARKS / "speed_error.csv", Run)).splitlines()[2:]
-
-
 def services():
     """Services that driver and simulation offer."""
     for node, module in {"haptic_driver": driver, "haptic_simulation": simulation}.items():
@@ -151,15 +138,11 @@ def told_devices():
 EQUAL = {  # what the page has, and what the code has
     "columns of the trace": lambda: (
         [(name, int(width)) for name, width, *_ in rows(TOPICS, "Columns of `trace`")],
-        [(name, math.prod(records.TRACE_ROW[name].shape)) for name in records.TRACE_ROW.names],
+        [(name, math.prod(records.TRACE_ROW[name].shape)) for name in TRACE],
     ),
     "units of the trace": lambda: (
         {name: unit.split(" or ")[0] for name, _, unit, _ in rows(TOPICS, "Columns of `trace`") if name not in COUNTED},
-        {
-            name: re.split(r" \||,", TRACE_UNITS.get(name, ""))[0]
-            for name in records.TRACE_ROW.names
-            if name not in COUNTED
-        },
+        {name: re.split(r" \||,", TRACE_UNITS.get(name, ""))[0] for name in TRACE if name not in COUNTED},
     ),
     "tail of handle and tool, and its units": lambda: (
         [(name, unit) for name, unit, _ in rows(TOPICS, "Tail of `handle` and `tool`")],
@@ -185,13 +168,6 @@ EQUAL = {  # what the page has, and what the code has
             "exchange": exchange_server.PRIORITY,
             "recorder": recorder.PRIORITY,
             "interpreter": scheduling.INTERPRETER_PRIORITY,
-        },
-    ),
-    "priorities of the simulation": lambda: (
-        {row[0]: int(row[1]) for row in rows(PLATFORM, "Priorities") if row[0] in ("middleware", "exchange")},
-        {
-            "middleware": simulation.MIDDLEWARE_PRIORITY,
-            "exchange": {row.name: row.default for row in simulation.PARAMETERS}["realtime_priority"],
         },
     ),
     "shipped devices": lambda: (set(told_devices()), set(shipped_devices())),
@@ -228,10 +204,6 @@ EQUAL = {  # what the page has, and what the code has
         [named(row[2]) for row in cells(SCENE, "Scene") if row[0] == "`method`"],
         [list(offered())],
     ),
-    "speed against error": lambda: (
-        rows(BENCHMARKS / "speed_error.md", "Speed against error"),  # its head has the versions of the peers that ran
-        [[cell.strip() for cell in row.strip("|").split("|")] for row in stored_runs()],
-    ),
     "topics of the policy for sros2": lambda: (
         {topic.text for topic in ElementTree.parse(ROOT / "docs/reference/sros2/policy.xml").iter("topic")},
         {*first(TOPICS, "Topics")} - {"/parameter_events"},
@@ -254,21 +226,6 @@ def test_profiles_that_the_policy_for_sros2_includes_are_there():
     folder = ROOT / "docs/reference/sros2"
     for included in ElementTree.parse(folder / "policy.xml").iter("{http://www.w3.org/2001/XInclude}include"):
         assert ElementTree.parse(folder / included.get("href")).getroot().tag == "profile"
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        "passivity --stiffness 1000 --damping 0.1 --physical-damping 1 --period 0.001",
-        "zwidth --points 2 --seconds 0.05 --lateness 0.0001",
-    ],
-)
-def test_each_key_of_the_json_of_a_command_stands_on_its_page(words, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    section = CLI.read_text(encoding="utf-8").split(f"## `haptic {words.split()[0]}`")[1].split("\n## ")[0]
-    for key, value in json.loads(haptic(*words.split(), "--json").stdout).items():
-        names = [f"{key}.{inner}" for inner in value] if isinstance(value, dict) else [key]
-        assert all(re.search(rf"`(\w+)?{re.escape(n)}`|`\.{n.split('.')[-1]}`", section) for n in names), names
 
 
 def test_commands_in_the_readme_exist_and_its_small_tables_are_rows_of_the_long_ones():
@@ -299,30 +256,16 @@ def test_the_files_that_a_page_shows_pass_the_check(page, tmp_path):
     assert [problem for file in shown for problem in problems(file)] == []
 
 
-def test_the_hand_of_the_scene_on_the_page_opens_the_door_as_its_task_asks(tmp_path):
-    [file] = examples(SCENE, tmp_path)
-    assert {*load_yaml(file)} == keys(language.Scene) - {"gravity", "method", "sub_step", "error"}
-    scene = language.load(file)
-    path = way(hand(scene), np.arange(0.0, scene.motion["duration"], 1e-3))
-    poses = rollout(Exchanged(Simulation(reduce_scene(scene)), path[0]), path, bodies=["door"]).poses["door"]
-    opened = [scene.measure["opened"].fraction(tuple(pose)) for pose in poses]
-    assert opened[0] == 0.0 and max(opened) >= scene.task.done["opened"]
-
-
 NAMES = {"encoder": AXES, "motor": AXES, "handle": exchange_names(3), "tool": exchange_names(3)}
 NAMES |= {"operator/state": truth_names(3)}
 
 
-def test_every_curve_of_plotjuggler_is_a_joint_of_a_recorded_topic_and_its_splitters_count_their_plots():
+def test_every_curve_of_plotjuggler_is_a_joint_of_a_recorded_topic():
     layout = ElementTree.parse(LAYOUTS / "plotjuggler.xml")
     curves = {curve.get("name") for curve in layout.iter("curve")}
     entries = [f"/haptic/{topic}/{name}" for topic, names in NAMES.items() for name in names]
     known = {f"{entry}/{part}" for entry in entries for part in ("position", "velocity", "effort")}
     assert len(curves) >= 10 and curves <= known
-    for splitter in layout.iter("DockSplitter"):
-        sizes = [float(share) for share in splitter.get("sizes").split(";")]
-        assert len(splitter) == int(splitter.get("count")) == len(sizes)
-        assert sum(sizes) == pytest.approx(1.0)
 
 
 def panels(layout):
@@ -335,19 +278,9 @@ def test_every_path_of_foxglove_is_an_entry_of_a_recorded_topic_and_every_panel_
     shown = layout["configById"]
     assert sorted(panels(layout["layout"])) == sorted(shown)
     paths = [path["value"] for panel in shown.values() for path in panel.get("paths", ())]
-    assert truth_names(3)[6] == "energy_given" and "/haptic/operator/state.position[6]" in paths
     for path in paths:
         topic, rest = re.fullmatch(r"/haptic/([\w/]+)\.(.+)", path).groups()
         assert topic in KNOWN
         if found := re.fullmatch(r"(?:position|velocity|effort)\[(\d+)\]", rest):
             assert int(found.group(1)) < len(NAMES[topic])
-    assert {topic.removeprefix("/haptic/") for topic in shown["3D!plane"]["topics"]} <= {*KNOWN, "markers"}
     assert shown["3D!plane"]["followTf"] == frame_id("/haptic", "map")
-
-
-def test_rviz_shows_the_markers_in_their_frame():
-    manager = yaml.safe_load((LAYOUTS / "haptic.rviz").read_text())["Visualization Manager"]
-    topics = {display["Topic"]["Value"] for display in manager["Displays"] if "Topic" in display}
-    assert topics == {"/haptic/markers"}
-    assert manager["Global Options"]["Fixed Frame"] == frame_id("/haptic", "map")
-    assert manager["Views"]["Current"]["Target Frame"] == "<Fixed Frame>", "which the launch file sets"

@@ -15,7 +15,6 @@ TRUE = {
     "a refusal": "```sh\nfalse # refused\n```\n",
     "folder and variable": "```sh\nmkdir d\ncd d\nexport A=5\n```\n```sh\nbasename $PWD$A\n```\n```text\nd5\n```\n",
     "files": '```c title="a.c"\nint a;\n```\n```python\nprint(open("a.c").read())\n```\n```text\nint a;\n```\n',
-    "a script's exit": "```sh\necho ready\n```\n```python\nraise SystemExit(0)\n```\n",
     "the domain of the test": "```sh\nexport ROS_DOMAIN_ID=7\necho $ROS_DOMAIN_ID\n```\n```text\n42\n```\n",
     "what comes late from the background": "```sh\n(sleep 0.3; echo late; sleep 100) &\n```\n```text\nlate\n```\n",
 }
@@ -27,13 +26,9 @@ WRONG = {
     "a refusal that does not come": ("```sh\ntrue # refused\n```\n", "line 2: .* is not refused"),
     "a script that fails": ("```python\n1 / 0\n```\n", "line 2: this script ended with 1"),
     "a failure behind": ("```sh\n(sleep 0.2; exit 3) &\nsleep 0.4\n```\n", "failed in the background, .* '3'"),
-    "the end of the shell": ("```sh\nexit 0\n```\n", "the shell has ended"),
-    "no end": ("```sh\ntrue\n```text\n```\n", "line 1: this block has no end"),
     "another language": ("```json\n{}\n```\n", "line 1: 'json' is not executed"),
-    "another option": ("```sh skip\ntrue\n```\n", "line 1: 'skip' is no title"),
     "a file elsewhere": ('```yaml title="../a"\n```\n', "is no title"),
     "text behind nothing": ('```c title="a.c"\n```\n```text\na\n```\n', "line 3: text stands behind what prints it"),
-    "a block in a list": ("* \n  ```sh\n  true\n  ```\n", "line 2: a block begins at the start of a line"),
 }
 LOOP = "(trap 'echo told >told; exit 130' INT; echo up; while true; do sleep 0.05; done) &"
 

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """One bag stored in fourteen ways and more: the same to the bit, or refused in a sentence, for all who read bags."""
 
-import re
 import shutil
 from dataclasses import fields
 
 import numpy as np
 import pytest
 import stored_bags
-from bag_of_a_run import STRING, TYPES, information, swing, write_bag, write_run
+from bag_of_a_run import information, swing, write_run
 from stored_bags import REFUSED, WHOLE
 
 from haptic_device.analysis.report.reading import read_run
@@ -57,24 +56,19 @@ def test_a_bag_is_the_same_to_the_bit_however_it_is_stored_and_recovery_takes_it
     assert {text for name, text in found["custom_data"].items() if name.startswith("lost ")} <= {"0"}
 
 
-@pytest.mark.parametrize("named", [True, False], ids=["metadata", "no metadata"])
 @pytest.mark.parametrize("way", REFUSED)
-def test_a_bag_that_is_not_read_is_refused_by_how_it_is_stored_and_left_as_it_is(bag, way, named):
+def test_a_bag_that_is_not_read_is_refused_by_how_it_is_stored_and_left_as_it_is(bag, way):
     store, words = REFUSED[way]
     store(bag)
-    with pytest.raises(ValueError, match="compressed|sqlite3"):
-        load(next(path for path in bag.iterdir() if path.name != METADATA))
-    if not named:
-        (bag / METADATA).unlink()
-        words = words.removeprefix("is ").split(r" \(storage")[0]
-    for read in (load, read_run):
-        with pytest.raises(ValueError, match=words) as refusal:
-            read(bag)
-        assert "\n" not in str(refusal.value)
-    before, said = sorted(bag.iterdir()), []
-    with pytest.raises(ValueError, match="is compressed|is stored|no file that could be repaired") as refusal:
-        said.extend(recovered(bag))
-    assert re.search(words, f"{said} {refusal.value}") and sorted(bag.iterdir()) == before
+    stored = sorted(bag.iterdir())
+    for named in (True, False):
+        for read in (load, read_run, lambda bag: list(recovered(bag))):
+            with pytest.raises(ValueError, match=words if named else "compressed|sqlite3|could be repaired") as refusal:
+                read(bag)
+            assert "\n" not in str(refusal.value) and sorted(bag.iterdir()) == stored
+        if named:
+            (bag / METADATA).unlink()
+            stored = sorted(bag.iterdir())
 
 
 def test_a_file_that_metadata_names_and_that_is_missing_is_said_and_the_others_are_read(original, bag):
@@ -102,14 +96,6 @@ def test_without_metadata_the_files_of_a_bag_bear_its_name(original, bag):
     assert_same(load(bag), load(original))
     assert load(bag).notes == (note,) and list(recovered(bag))[0] == note
     assert information(bag)["relative_file_paths"] == ["run_0.mcap"]
-
-
-def test_marks_of_a_shuffled_bag_stand_in_their_order(tmp_path):
-    marks = [bytes(TYPES.serialize_cdr(TYPES.types[STRING](f"mark {number}"), STRING)) for number in range(100)]
-    own = [("/haptic/mark", STRING, text, 1, number) for number, text in enumerate(marks, 1)]  # by a node each
-    write_bag(tmp_path / "run", *own)
-    stored_bags.in_order(stored_bags.shuffled)(tmp_path / "run")
-    assert [mark.text for mark in load(tmp_path / "run").marks] == [f"mark {number}" for number in range(100)]
 
 
 def test_a_clock_that_was_set_back_while_it_recorded_changes_no_order(bag):
