@@ -25,36 +25,29 @@ def disc(radius, center=(0.0, 0.0)):
     return Outline((center,), radius)
 
 
+ECCENTRIC = disc(0.2, (0.1, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "pose", "expected"),
+    [
+        (box(2.0, 2.0), disc(0.5), (1.7, 0.2, 1.0), 0.2),  # a face, from outside and from within
+        (box(2.0, 2.0), disc(0.5), (0.6, 0.2, 1.0), -0.9),
+        (box(2.0, 2.0), disc(0.5), (1.7, 1.9, 0.0), math.hypot(0.7, 0.9) - 0.5),  # a corner
+        (disc(0.3), ECCENTRIC, (0.9, 0.0, math.pi / 2), math.hypot(0.9, 0.1) - 0.5),
+        (disc(0.3), ECCENTRIC, (0.1, 0.0, math.pi / 2), math.hypot(0.1, 0.1) - 0.5),
+    ],
+)
+def test_a_disc_is_as_far_as_its_centre_less_its_radius(a, b, pose, expected):
+    assert distance(a, HERE, b, pose) == pytest.approx(expected, abs=EXACT)
+
+
 @pytest.mark.parametrize("unit", [1e-4, 1e-3, 1.0, 100.0])
 @pytest.mark.parametrize("gap", [0.5, 1e-3, 1e-6, 0.0, -1e-6, -1e-3, -0.5])
 def test_boxes_side_by_side_are_as_far_apart_as_their_faces(unit, gap):
     square = box(2 * unit, 2 * unit)
     found = distance(square, HERE, square, ((2 + gap) * unit, 0.3 * unit, 0.0))
     assert found == pytest.approx(gap * unit, abs=EXACT * unit)
-
-
-@pytest.mark.parametrize(("x", "y", "expected"), [(1.7, 0.2, 0.2), (1.4, 0.2, -0.1), (0.6, 0.2, -0.9)])
-def test_disc_to_face_is_the_centre_to_the_face_less_the_radius(x, y, expected):
-    assert distance(box(2.0, 2.0), HERE, disc(0.5), (x, y, 1.0)) == pytest.approx(expected, abs=EXACT)
-
-
-def test_disc_to_corner_is_the_centre_to_the_corner_less_the_radius():
-    expected = math.hypot(0.7, 0.9) - 0.5
-    assert distance(box(2.0, 2.0), HERE, disc(0.5), (1.7, 1.9, 0.0)) == pytest.approx(expected, abs=EXACT)
-
-
-@pytest.mark.parametrize("apart", [0.9, 0.5, 0.1])
-def test_discs_are_as_far_apart_as_their_centres_less_their_radii(apart):
-    eccentric = disc(0.2, (0.1, 0.0))
-    found = distance(disc(0.3), HERE, eccentric, (apart, 0.0, math.pi / 2))
-    assert found == pytest.approx(math.hypot(apart, 0.1) - 0.5, abs=EXACT)
-
-
-def test_peg_in_a_hole_has_half_the_play_on_either_side():
-    hole = [Outline(rectangle((0.05, 0.04), (side * 0.0351, -0.02), 0.0)) for side in (-1, 1)]
-    for x, apart in ((0.0, 1e-4), (1.5e-4, -0.5e-4)):
-        found = min(distance(box(0.02, 0.06), (x, 0.0, 0.0), side, HERE) for side in hole)
-        assert found == pytest.approx(apart, abs=EXACT)
 
 
 def test_an_overlap_is_the_deepest_of_all_parts_and_none_is_zero():

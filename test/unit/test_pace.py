@@ -37,15 +37,6 @@ def test_a_world_makes_at_most_so_many_sub_steps_and_says_how_long_it_waited_for
     assert simulation.counters.sub_steps == made + (MS - 100_000 + rest) // STEP
 
 
-def test_the_last_of_the_sub_steps_that_are_made_meets_the_newest_handle_sample():
-    simulation = Simulation(reduce_scene(load("free_space")))
-    simulation.exchange(sample(0))
-    tool = simulation.exchange(sample(5 * MS, 0.003), 3)
-    assert tool.force_on_tool[0] == pytest.approx(
-        2000.0 * (0.003 - tool.position[0]) - 2.0 * tool.velocity[0], rel=1e-9
-    )
-
-
 def test_time_that_passed_is_made_up_or_said_to_be_left_out():
     simulation, time_ns = Simulation(reduce_scene(load("free_space"))), 0
     for gap, most in [(MS, 4), (7 * MS, 9), (21 * MS, 4), (MS + 1, None), (999_999, 2), (0, 1)] * 5:
@@ -54,14 +45,6 @@ def test_time_that_passed_is_made_up_or_said_to_be_left_out():
     simulation.exchange(sample(time_ns), 1)
     made = simulation.counters.sub_steps * STEP
     assert 0 <= time_ns - made - simulation.counters.waited_ns < STEP
-
-
-def test_the_same_samples_and_limits_give_the_same_bits():
-    def run():
-        simulation = Simulation(reduce_scene(load("push_block"), "impulse"), port=port_of("pspm"))
-        return [simulation.exchange(sample(3 * k * MS, 1e-3 * k), 1 + k % 13) for k in range(60)]
-
-    assert run() == run()
 
 
 class System:
@@ -111,11 +94,11 @@ def system(monkeypatch):
     return made
 
 
-RATES = [100.0, 300.0, 500.0, 1000.0, 2000.0]
+RATES = [100.0, 500.0, 2000.0]
 
 
 @pytest.mark.parametrize("rate", RATES)
-@pytest.mark.parametrize("load", [0.1, 0.5, 0.89, 0.91, 1.1, 1.5, 1.79])
+@pytest.mark.parametrize("load", [0.1, 0.89, 0.91, 1.79])
 def test_no_answer_takes_longer_than_a_period_and_each_is_there_within_two(system, rate, load):
     answers = system(1.0 / rate, load).run(300)[30:]
     fits = max(1.0, load * STEP * 1e-9 * rate)  # one sub-step is made in any case
@@ -218,18 +201,19 @@ def test_a_pause_a_reset_and_another_world_leave_nothing_out_and_the_other_world
     assert [made for made, _, _ in answers[-5:]] == [4] * 5 and changes.end.simulation.counters.waited_ns == 0
 
 
-def test_lost_samples_make_no_longer_period(system):
-    lossy = Pace(STEP)
-    for sequence in (1.0, 2.0, 5.0, 9.0):
-        lossy.heard(sequence, int(sequence) * MS, False)
-        assert sequence == 1.0 or lossy.period_ns == MS
-
-
-def test_stamps_that_go_back_or_stand_still_tell_no_period():
-    wild = Pace(STEP)
-    for sequence, time_ns in [(1.0, 0), (2.0, MS), (3.0, MS), (4.0, -(10**18)), (5.0, -(10**18) + MS)]:
-        wild.heard(sequence, time_ns, False)
-    assert wild.period_ns == MS and wild.most() == 4
+@pytest.mark.parametrize(
+    "heard",
+    [
+        [(1.0, MS), (2.0, 2 * MS), (5.0, 5 * MS), (9.0, 9 * MS)],  # lost samples
+        [(1.0, 0), (2.0, MS), (3.0, MS), (4.0, -(10**18)), (5.0, -(10**18) + MS)],  # stamps that go back or stand still
+    ],
+)
+def test_lost_samples_and_wild_stamps_make_no_longer_period(heard):
+    pace = Pace(STEP)
+    for sequence, time_ns in heard:
+        pace.heard(sequence, time_ns, False)
+        assert sequence == 1.0 or pace.period_ns == MS
+    assert pace.most() == 4
 
 
 def test_of_a_dear_world_and_of_a_late_host_it_is_said_what_was_left_out_and_what_to_do():
@@ -240,19 +224,9 @@ def test_of_a_dear_world_and_of_a_late_host_it_is_said_what_was_left_out_and_wha
     assert late.startswith("handle samples came late to the world: it left out 340 ms")
     assert "takes it 0.15 ms" in late and late.endswith(left_out_time.QUIETER)
     assert "not known" in left_out_sentence(0.34, 1.0, math.nan, 1e-3)
-
-
-@pytest.mark.parametrize(("load", "word"), [(SHARE + 1e-9, "too dear"), (SHARE, "came late")])
-def test_a_world_is_too_dear_above_its_share_of_the_period(load, word):
-    assert word in left_out_sentence(1.0, 1.0, load, 1e-3)
-
-
-def test_what_is_not_worth_a_word_is_not_said():
-    assert left_out_sentence(NOTICED, 1.0, 1.5, 1e-3) == ""
-    assert left_out_sentence(NOTICED + 1e-9, 1.0, 1.5, 1e-3) != ""
-
-
-@pytest.mark.parametrize(("times", "often"), [(1, "once"), (2, "twice"), (3, "3 times")])
-def test_a_world_that_stood_still_says_how_often_and_why(times, often):
-    said = f"simulation paused {often}: handle data was late, over 20 ms apart, or out of order"
-    assert paused_sentence(times, 0.02) == said
+    for taken, word in (SHARE + 1e-9, "too dear"), (SHARE, "came late"):
+        assert word in left_out_sentence(1.0, 1.0, taken, 1e-3)
+    assert left_out_sentence(NOTICED, 1.0, 1.5, 1e-3) == "" != left_out_sentence(NOTICED + 1e-9, 1.0, 1.5, 1e-3)
+    for times, often in (1, "once"), (2, "twice"), (3, "3 times"):
+        said = f"simulation paused {often}: handle data was late, over 20 ms apart, or out of order"
+        assert paused_sentence(times, 0.02) == said

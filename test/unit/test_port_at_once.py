@@ -77,16 +77,6 @@ def test_no_tool_takes_more_than_the_bound_whichever_of_its_moves_the_world_cuts
             assert largest(np.array(pulls), np.array(shares), gains, h) <= bound * (1.0 + 1e-9)
 
 
-def test_without_damping_some_tool_takes_what_it_likes_of_many_steps_and_none_of_few():
-    few_steps, many = ([largest(np.ones(n), shares, Coupling(2000.0), H) for shares in tails(n)] for n in (4, 12))
-    assert max(few_steps) < np.inf and max(many) == np.inf
-
-
-def tails(count):
-    """Shares of moves of which the first are made and the rest are none."""
-    return [(np.arange(count) < made).astype(float) for made in range(count + 1)]
-
-
 GENES = st.tuples(st.floats(-4e-3, 4e-3), st.floats(-0.5, 0.5), st.sampled_from([0.0, 1e-3, 0.02]))
 
 
@@ -141,18 +131,17 @@ def test_it_does_so_with_a_spring_too_stiff_for_its_damping_but_not_where_nothin
     assert asked_of([REST, (1e-6, 0.0)], gains)[0][4:] == asked
 
 
-@pytest.mark.parametrize("share", [0.99, 1.01])
-def test_it_does_so_where_the_pull_comes_near_its_limit(share):
-    place = share * tool_side_tank.AT_ONCE * 1.0 / 2000.0
-    asked, _ = asked_of([REST, (place, 0.0)], limits=Limits(1.0, 1.0, 1e9))
-    assert asked[4:] == ([4] if share < 1.0 else [1] * 4)
-
-
-@pytest.mark.parametrize("share", [0.99, 1.01])
-def test_it_does_so_where_samples_change_the_pull_faster_than_the_slew(share):
-    limits = Limits(20.0, 1.0, 2000.0)
-    asked, _ = asked_of([REST, (share * limits.slew * 4 * H / 2000.0, 0.0)], limits=limits)
-    assert asked[4:] == ([4] if share < 1.0 else [1] * 4)
+@pytest.mark.parametrize(
+    ("stretch", "limits"),
+    [
+        (tool_side_tank.AT_ONCE * 1.0 / 2000.0, Limits(1.0, 1.0, 1e9)),
+        (2000.0 * 4 * H / 2000.0, Limits(20.0, 1.0, 2000.0)),
+    ],
+    ids=["limit", "slew"],
+)
+def test_it_does_so_where_the_pull_comes_near_its_limit_or_changes_faster_than_the_slew(stretch, limits):
+    for share, asked in (0.99, [4]), (1.01, [1] * 4):
+        assert asked_of([REST, (share * stretch, 0.0)], limits=limits)[0][4:] == asked
 
 
 def test_the_pull_goes_on_from_one_way_of_making_an_exchange_to_the_other_no_faster_than_the_slew():
