@@ -5,9 +5,6 @@ from made_up_clock import Clock
 
 from haptic_device.control.faults import TABLE
 from haptic_device.status import Status
-from haptic_sim import outcome
-from haptic_sim.cli.progress import status_line
-from haptic_sim.cli.tables import print_outcome
 from haptic_sim.fault_sentence import called, what_to_do
 from haptic_sim.supervision import follow, news
 
@@ -137,21 +134,3 @@ def test_a_motion_is_followed_to_its_end_while_the_device_goes_on_and_given_up_w
     ending, took = run(monkeypatch, begun[0], *long, seconds=None)
     assert ending.why.startswith(f"the motion did not begin, and no news for {news.LIMIT:.0f} s: ")
     assert not ending.begun and took < 1.1 * news.LIMIT
-
-
-def test_what_others_say_is_shown_as_it_is_with_force_that_is_withheld_in_the_line_and_in_the_table(
-    monkeypatch, capsys
-):
-    monkeypatch.setattr("rich.console.Console.is_terminal", True)
-    strange = {"fault": "overheated", "missed": "[/x]", "age_ms_p50": "", "withheld": "tank", "withheld_s": "3.2"}
-    simulation = says("haptic_simulation", "serving", **{"result.insertion_fraction": "all of it"})
-    with status_line() as show:
-        events = [(0.0, says("haptic_driver", "waiting", **strange)), (0.0, simulation), (0.0, COMMANDED)]
-        assert not run(monkeypatch, *events, seconds=0.1, show=show)[0].why, "its fault is none of ours"
-    found = outcome.nothing() | {"scene": "[/x]", "done": False, "why": "[/x] [bold", "bag": None}
-    found |= {"faults": ["[/x] says [bold"], "withheld_s": {"tank": 3.2}, "exchange": {"sent": 0}}
-    print_outcome(found)
-    said = capsys.readouterr()
-    assert "servo ticks missed: [/x]" in said.err and "force withheld for 3.2 s: tank" in said.err
-    assert "[/x] says [bold" in said.out and "[/x] [bold" in said.out
-    assert "force withheld: the energy tank cannot pay" in " ".join(said.out.split()) and "3.2 s" in said.out

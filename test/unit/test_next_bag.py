@@ -61,15 +61,6 @@ def test_a_bag_that_cannot_be_ended_leaves_the_next_one_whole(tmp_path, monkeypa
     assert "message_count: 2\n" in (tmp_path / "second" / "metadata.yaml").read_text()
 
 
-def test_a_bag_of_which_nothing_can_be_said_is_ended_whole(tmp_path, monkeypatch):
-    monkeypatch.setattr(Deaf, "_facts", None)  # what nobody foresaw
-    recorder = Deaf()
-    recorder.bag, recorder.waiting = Bag(tmp_path / "bag"), [1, 2]
-    recorder.deactivate()
-    assert "recording stopped: TypeError: " in recorder.failure and "; 2 messages are kept" in recorder.failure
-    assert "message_count: 2\n" in (tmp_path / "bag" / "metadata.yaml").read_text()
-
-
 def test_a_message_waits_for_the_disk_no_longer_than_the_flush_period_whatever_kills_the_recorder(
     tmp_path, monkeypatch
 ):

@@ -10,7 +10,7 @@ from slow_method import Slow
 
 from haptic_sim.exchange import endpoint, left_out_time
 from haptic_sim.exchange.endpoint import MEDIAN, SILENCE_NS, ExchangeEndpoint, Pace
-from haptic_sim.exchange.left_out_time import NOTICED, SHARE, left_out_sentence, paused_sentence
+from haptic_sim.exchange.left_out_time import NOTICED, SHARE, left_out_sentence
 from haptic_sim.exchange.port import port_of
 from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.method_registry import METHODS, Entry
@@ -35,16 +35,6 @@ def test_a_world_makes_at_most_so_many_sub_steps_and_says_how_long_it_waited_for
     assert (simulation.counters.sub_steps, simulation.counters.waited_ns) == (made, waited + (waited > 0) * 100_000)
     simulation.exchange(sample(6 * MS, 0.01))
     assert simulation.counters.sub_steps == made + (MS - 100_000 + rest) // STEP
-
-
-def test_time_that_passed_is_made_up_or_said_to_be_left_out():
-    simulation, time_ns = Simulation(reduce_scene(load("free_space"))), 0
-    for gap, most in [(MS, 4), (7 * MS, 9), (21 * MS, 4), (MS + 1, None), (999_999, 2), (0, 1)] * 5:
-        simulation.exchange(sample(time_ns), most)
-        time_ns += gap
-    simulation.exchange(sample(time_ns), 1)
-    made = simulation.counters.sub_steps * STEP
-    assert 0 <= time_ns - made - simulation.counters.waited_ns < STEP
 
 
 class System:
@@ -98,7 +88,7 @@ RATES = [100.0, 500.0, 2000.0]
 
 
 @pytest.mark.parametrize("rate", RATES)
-@pytest.mark.parametrize("load", [0.1, 0.89, 0.91, 1.79])
+@pytest.mark.parametrize("load", [0.1, 0.89, 1.79])
 def test_no_answer_takes_longer_than_a_period_and_each_is_there_within_two(system, rate, load):
     answers = system(1.0 / rate, load).run(300)[30:]
     fits = max(1.0, load * STEP * 1e-9 * rate)  # one sub-step is made in any case
@@ -116,12 +106,6 @@ def test_a_world_leaves_time_out_only_if_it_is_too_dear_and_sums_say_so(system, 
     assert (counters.waited_ns > 0) == dear.end.pace.dear == left_out
     if left_out:  # what it does make up is what it has time for, but for a sub-step a period
         assert counters.sub_steps * 1e-4 >= (SHARE / load - 1e-4 * rate) * 1e-9 * passed
-
-
-def test_a_world_four_times_as_dear_makes_half_of_a_period_in_each_answer(system):
-    answers = system(1e-3, 4.0).run(100)[20:]
-    assert {made for made, _, _ in answers} == {2}
-    assert max(age for _, _, age in answers) <= 3e-3
 
 
 @pytest.mark.parametrize("load", [0.1, 0.5])
@@ -144,24 +128,14 @@ def test_a_world_that_becomes_dear_is_known_to_be_so_after_the_third_answer(syst
     assert max(took for _, took, _ in becomes.run(40)[MEDIAN // 2 + 1 :]) <= 1e-3
 
 
-@pytest.mark.parametrize("interrupted", [1, 2])
-def test_answers_that_were_interrupted_lose_no_time_of_a_cheap_world(system, monkeypatch, interrupted):
+def test_an_answer_that_was_interrupted_loses_no_time_of_a_cheap_world(system, monkeypatch):
     cheap = system(1e-3, 0.05)
     cheap.run(30)
-    for _ in range(interrupted):
-        monkeypatch.setattr(Slow, "fixed", 1e-3)
-        cheap.run(1)
+    monkeypatch.setattr(Slow, "fixed", 1e-3)
+    cheap.run(1)
     monkeypatch.setattr(Slow, "fixed", 0.0)
     cheap.run(20)
     assert cheap.end.simulation.counters.waited_ns == 0
-
-
-def test_a_cost_that_does_not_depend_on_the_number_leaves_half_of_the_motion(system):
-    dear = system(1e-3, 0.0)
-    simulation = dear.end.simulation
-    simulation.port = port_of("direct")  # which asks for all sub-steps at once
-    Slow.fixed = 3e-3
-    assert {made for made, _, _ in dear.run(60)[20:]} == {2} and simulation.counters.waited_ns > 0
 
 
 @pytest.mark.parametrize("load", [0.1, 1.5])
@@ -171,18 +145,6 @@ def test_a_sub_step_longer_than_the_period_is_made_in_turns_and_never_starves(sy
     assert set(made) == {0, 1}
     if load < SHARE:
         assert sum(made) == (100 - 1) // 4 and long.end.simulation.counters.waited_ns == 0
-
-
-def test_a_new_session_has_a_period_of_its_own_and_what_the_world_takes_is_still_known(system):
-    begins = system(1e-3, 0.5)
-    begins.run(30)
-    begins.begin, begins.sent, begins.period = begins.clock.now + 1.0, 0, 10e-3
-    begins.clock.sleep(1.0)
-    known = begins.end.pace.load
-    for _ in range(3):
-        begins.answer(session=78.0)
-    assert begins.end.pace.period_ns == pytest.approx(10e6) and begins.end.pace.load == pytest.approx(known)
-    assert [made for made, _, _ in begins.answers[-3:]] == [0, 40, 40]
 
 
 def test_a_pause_a_reset_and_another_world_leave_nothing_out_and_the_other_world_is_learned_anew(system):
@@ -217,16 +179,10 @@ def test_lost_samples_and_wild_stamps_make_no_longer_period(heard):
 
 
 def test_of_a_dear_world_and_of_a_late_host_it_is_said_what_was_left_out_and_what_to_do():
-    dear = left_out_sentence(0.34, 1.0, 1.5, 1e-3)
-    assert dear.startswith("the world is too dear: it left out 340 ms of the last 1000 ms")
-    assert "a period of 1 ms takes it 1.5 ms" in dear and dear.endswith(left_out_time.CHEAPER)
-    late = left_out_sentence(0.34, 1.0, 0.15, 1e-3)
-    assert late.startswith("handle samples came late to the world: it left out 340 ms")
-    assert "takes it 0.15 ms" in late and late.endswith(left_out_time.QUIETER)
-    assert "not known" in left_out_sentence(0.34, 1.0, math.nan, 1e-3)
-    for taken, word in (SHARE + 1e-9, "too dear"), (SHARE, "came late"):
-        assert word in left_out_sentence(1.0, 1.0, taken, 1e-3)
+    for taken, start, end in (
+        (SHARE + 1e-9, "the world is too dear", left_out_time.CHEAPER),
+        (SHARE, "handle samples came late to the world", left_out_time.QUIETER),
+    ):
+        said = left_out_sentence(0.34, 1.0, taken, 1e-3)
+        assert said.startswith(f"{start}: it left out 340 ms of the last 1000 ms") and said.endswith(end)
     assert left_out_sentence(NOTICED, 1.0, 1.5, 1e-3) == "" != left_out_sentence(NOTICED + 1e-9, 1.0, 1.5, 1e-3)
-    for times, often in (1, "once"), (2, "twice"), (3, "3 times"):
-        said = f"simulation paused {often}: handle data was late, over 20 ms apart, or out of order"
-        assert paused_sentence(times, 0.02) == said

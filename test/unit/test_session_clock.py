@@ -41,15 +41,6 @@ def test_a_thread_that_is_held_up_between_the_clocks_does_not_falsify_the_offset
     assert session_clock.difference() == clocks.ahead
 
 
-def test_what_is_within_tolerance_is_not_followed_and_what_is_beyond_is(clocks):
-    clock = SessionClock()
-    before = clock.offset
-    for ahead, followed in ((TOLERATED, False), (TOLERATED + 1, True)):
-        clocks.ahead = before + ahead
-        clocks.now += 20_000_000
-        assert (clock.follow() != before) == followed
-
-
 @given(st.integers(-(10**10), 10**10), st.lists(st.integers(0, 10**9), min_size=1, max_size=50))
 def test_stamps_never_go_back_nor_meet_whatever_the_system_clock_is_set_to(step, waits):
     with pytest.MonkeyPatch.context() as patch:
@@ -64,11 +55,13 @@ def test_stamps_never_go_back_nor_meet_whatever_the_system_clock_is_set_to(step,
             last = clock.stamp(clocks.now)
 
 
-def test_a_clock_that_was_set_is_reached_again_and_not_overshot(clocks):
+def test_a_clock_that_was_set_beyond_tolerance_is_reached_again_and_not_overshot(clocks):
     clock = SessionClock()
-    assert clock.stamp(clocks.now + 5) == clocks.now + clocks.ahead + 5
-    clocks.ahead += 20 * STEP + TOLERATED
+    before = clock.offset
+    clocks.ahead += TOLERATED
+    assert clock.follow() == before
+    clocks.ahead += 20 * STEP
     for _ in range(100):
         clocks.now += 10**9
         clock.follow()
-    assert 0 <= clocks.ahead - clock.offset <= TOLERATED
+    assert before < clock.offset and 0 <= clocks.ahead - clock.offset <= TOLERATED

@@ -48,15 +48,3 @@ def test_a_kept_sweep_goes_on_where_it_was_torn_off_and_numbers_come_back_to_the
     run_jobs(lambda k: asked.append(k) or row(k), jobs, kept, 1)
     assert asked == list(range(whole, 4))
     assert kept_in(file).known == {(k,): row(k) for k in range(4)}
-
-
-def test_a_table_in_a_folder_that_is_not_there_is_refused_before_anything_runs(tmp_path):
-    with pytest.raises(ValueError, match="there is no folder"):
-        kept_in(tmp_path / "nowhere" / "kept.csv")
-
-
-def test_processes_come_to_what_one_alone_does():
-    jobs, one, two = {(k,): (k,) for k in range(4)}, kept_in(None), kept_in(None)
-    run_jobs(row, jobs, one, 1)
-    run_jobs(row, jobs, two, 2)
-    assert one.known == two.known

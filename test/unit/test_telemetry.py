@@ -7,7 +7,6 @@ import threading
 
 import numpy as np
 import pytest
-from bag_of_a_run import diagnostics, write_bag
 from fake_node import Node, Said
 from lockstep_systems import device, values
 from waiting import until
@@ -19,8 +18,6 @@ from haptic_device.realtime import clock, seqlock
 from haptic_device.realtime.null_device import NullDevice
 from haptic_device.realtime.servo_thread import RING_ROWS, ServoThread
 from haptic_device.realtime.tick_replay import SNAPSHOT
-from haptic_device.recording import load
-from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS
 
 EACH_TICK = ("encoder", "motor", "wrench", "pose", "joint_states")
 
@@ -103,15 +100,6 @@ class Machine(Node):
     def count(self, *topics):
         return [len(self.said[topic]) for topic in topics]
 
-    def recording(self, folder):
-        """What was published on the trace and told in diagnostics, as a bag."""
-        blocks = enumerate(self.said["trace"], 1)
-        counted = {"trace_dropped": self.servo.ring.dropped, "telemetry_skipped": self.telemetry.skipped}
-        said = {name: "0" for name in counted}, {name: str(count) for name, count in counted.items()}
-        told = [("/diagnostics", DIAGNOSTICS, diagnostics("haptic_driver", each)) for each in said]
-        trace = [("/haptic/trace", CLOUD, bytes(block), number, number) for number, block in blocks]
-        return load(write_bag(folder, *trace, *told))
-
 
 @pytest.fixture(params=[FREE], ids=["free"])
 def machine(request):
@@ -154,15 +142,9 @@ def test_each_stream_has_its_share_of_a_busy_machine_the_trace_gives_way_first_a
 
 
 @overloaded
-def test_stop_returns_from_a_ring_that_fills_too_fast_and_a_reader_of_the_bag_learns_what_was_left_out(
-    machine, tmp_path
-):
+def test_stop_returns_from_a_ring_that_fills_too_fast(machine):
     before = machine.count("trace")[0]
     machine.let_go.set()
     machine.telemetry.stop()
     assert 0 < machine.count("trace")[0] - before <= RING_ROWS // MOST_ROWS
-    recording, dropped = machine.recording(tmp_path / "bag"), machine.servo.ring.dropped
-    waiting = len(machine.servo.ring.take(RING_ROWS))
-    assert dropped > 0 and len(recording.trace) + waiting + dropped == machine.ticks
-    assert recording.lost["/haptic/trace"] == 0  # each message that was published
-    assert recording.left_out == {"trace rows": dropped, "samples": machine.telemetry.skipped}
+    assert machine.servo.ring.dropped > 0

@@ -68,14 +68,6 @@ def test_layouts_of_different_names_frames_or_sizes_and_foreign_bytes_do_not_mat
         assert [other.matches(data) for other in layouts] == [other is layout for other in layouts]
 
 
-@given(st.integers(0, 2**31 * 10**9 - 1))
-def test_a_stamp_survives_the_way_there_and_back(stamp):
-    layout = JointLayout(("x",))
-    assert layout.unpack(layout.pack(stamp, [0.0], [0.0], [0.0])).stamp_ns == stamp
-    time = messages.to_time(stamp)
-    assert time.sec * 10**9 + time.nanosec == stamp
-
-
 def test_a_trace_describes_itself_and_holds_every_column_of_every_tick():
     rows = np.zeros(5, records.TRACE_ROW)
     rows["tick"], rows["position"] = np.arange(5), np.arange(15).reshape(5, 3)
