@@ -1,129 +1,123 @@
 # SPDX-License-Identifier: Apache-2.0
-"""People before the page: a real Chromium, the live nodes behind it. Run by `make test-browser`, in this order."""
+"""People before the page: a real Chromium, the live nodes behind it. Each test is a journey of one person."""
 
-import http.client
-import math
-import subprocess
+import itertools
 import time
-from urllib.parse import urlsplit
 
 import numpy as np
-import psutil
 import pytest
-from conftest import PATIENCE, Cable, Tab
+from conftest import Cable, Tab
 
 pytestmark = pytest.mark.timeout(600)
+FORCE = "Math.abs(parseFloat(document.getElementById('force').textContent))"
 
 
-def asked(address, path="", **headers):
-    """Status of a request to the server, beside any page."""
-    url = urlsplit(address)
-    connection = http.client.HTTPConnection(url.hostname, url.port, timeout=PATIENCE)
-    connection.request("GET", (url.path if not path.startswith("/") else "") + path, headers=headers)
-    return connection.getresponse().status
+def apart(listener):
+    """How far the hand's target is from the handle [m]."""
+    truth = listener.truths[-1][1].position
+    return float(np.hypot(*(truth[3:5] - truth[:2])))
 
 
-def test_a_wrong_token_a_foreign_origin_and_a_foreign_host_are_forbidden(system):
-    wrong = system.address[:-6] + "AAAAA/"
-    socket = {
-        "Upgrade": "websocket",
-        "Connection": "Upgrade",
-        "Sec-WebSocket-Version": "13",
-        "Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==",
-    }
-    assert asked(system.address) == 200
-    assert asked(wrong) == asked(wrong, "socket", **socket) == asked(system.address, "/") == 403
-    assert asked(system.address, "socket", Origin="http://elsewhere.example", **socket) == 403
-    assert asked(system.address, "socket", **socket) == 403
-    assert asked(system.address, Host="elsewhere.example") == 403
+def pushing(tab, newton):
+    """Drags the tool onto what is below, until the motor pushes back with so much; the mouse stays down."""
+    x, y = tab.middle()
+    tab.page.mouse.move(x + 60, y)
+    tab.page.mouse.down()
+    down = itertools.count(0, 8)
+    tab.until(f"{FORCE} > {newton}", before=lambda: tab.page.mouse.move(x + 60, y + next(down)))
 
 
-def test_the_peg_is_dragged_into_the_hole_with_the_mouse(tab, figure):
+def push_down(tab):
+    """Presses the tool upon something by keys, until the motor pushes back with more than 2 N."""
+    tab.page.focus("#scene")
+    tab.until(f"{FORCE} > 2", before=lambda: tab.page.keyboard.press("ArrowDown"))
+
+
+def gives_in(listener):
+    listener.until(lambda: listener.motor()[-1][1] < 0.5 and apart(listener) < 1e-3, "a hand that pulls at nothing")
+
+
+def zero_since(listener, began):
+    """Waits until the motor is at zero after this time; since when it is."""
+    motor = listener.motor
+    zero = lambda: next((at for at, force in motor() if at > began and force == 0.0), None)  # noqa: E731
+    return listener.until(zero, "the motor at zero")
+
+
+def test_the_peg_is_dragged_into_the_hole_and_no_further_than_the_workspace_goes(tab, listener):
     tab.engage()
     x, y = tab.middle()
     tab.page.mouse.move(x, y)
     tab.page.mouse.down()
     tab.page.mouse.move(x - 3, y, steps=3)
-    for step in range(200):
-        tab.page.mouse.move(x - 3, y + 2 * step)
-        if float(tab.text("result_insertion_fraction")) >= 0.9:
-            break
-        time.sleep(0.02)
+    down = itertools.count(0, 2)
+    inserted = "Number(document.getElementById('result_insertion_fraction').textContent) >= 0.9"
+    tab.until(inserted, before=lambda: tab.page.mouse.move(x - 3, y + next(down)))
     tab.shot("peg")
-    tab.until("Number(document.getElementById('result_insertion_fraction').textContent) >= 0.9")
-    figure("insertion_fraction by mouse", ">= 0.9", tab.text("result_insertion_fraction"))
     tab.page.mouse.up()
-
-
-def test_frames_are_received_and_drawn(tab):
-    for count in ("received", "drawn"):
-        tab.until(f"Number(document.documentElement.dataset.{count}) > 0")
-
-
-def test_the_hand_follows_each_move_of_the_mouse_to_its_side(tab, listener):
+    gives_in(listener)
     tab.engage()
-    x, y = tab.middle()
-
-    def at(side):
-        tab.page.mouse.move(x + 4.0 * side, y)
-        return side
-
-    def wants():
-        return listener.truths[-1][1].position[3]
-
     tab.page.mouse.move(x, y)
     tab.page.mouse.down()
-    places = [listener.rested()[0]]
-    for _ in map(at, (-1.0, 1.0)):
-        listener.until(lambda: wants() != places[-1], "the hand moves")
-        places.append(listener.rested()[0])
-    _, left, right = places
-    assert left < right
-    middle = 0.5 * (left + right)
-    for side in map(at, (-1.0, 1.0) * 5):
-        listener.until(lambda side=side: (wants() - middle) * side > 0.0, f"the hand at the side {side:+g}")
+    tab.page.mouse.move(x + 380, y, steps=30)
+    tab.until_text("hint", "edge of the workspace")
     tab.page.mouse.up()
+    assert max(truth.position[3] for _, truth in list(listener.truths)) < 0.1201
+    assert tab.complaints == []
 
 
-def push_down(tab):
-    """Presses the tool upon something, until the motor pushes back with more than 2 N."""
-    tab.page.focus("#scene")
-    force = "Math.abs(parseFloat(document.getElementById('force').textContent))"
-    tab.until(f"{force} > 2", before=lambda: tab.page.keyboard.press("ArrowDown"))
-
-
-def test_a_display_that_withholds_force_is_not_green_and_says_why_and_what_to_do(tab):
+def test_a_mouse_that_is_let_go_leaves_no_force_with_hold_on_it_stays_and_under_load_another_scene_may_be_chosen(
+    tab, listener
+):
     tab.engage()
-    tab.page.click("[data-service=disable]")
-    tab.until_text("state", "^idle$")
-    tab.page.focus("#scene")
-    stretch = "parseFloat(document.getElementById('stretch').textContent)"
-    tab.until(f"{stretch} > 3", before=lambda: tab.page.keyboard.press("ArrowDown"))  # nothing holds the hand back
-    tab.page.click("[data-service=enable]")
-    tab.until_text("withheld", "Tool not felt. Drag the blue handle onto the orange tool: [0-9.]+ mm")
-    assert tab.page.get_attribute("#state", "data-level") == "warn" and tab.page.is_visible("#withheld")
-    tab.shot("withheld")
-    tab.engage()
-    tab.until("document.getElementById('withheld').hidden && document.getElementById('state').dataset.level === 'good'")
+    pushing(tab, 8)
+    tab.page.mouse.up()
+    gives_in(listener)
+    tab.page.keyboard.press("h")
+    pushing(tab, 8)
+    tab.page.mouse.up()
+    listener.later()
+    assert listener.motor()[-1][1] > 5.0
+    tab.page.keyboard.press("h")
+    gives_in(listener)
+    pushing(tab, 15)
+    for scene in ("wrench_on_nut", "peg_in_hole"):
+        tab.page.select_option("#scene_name", scene)
+        tab.until_text("scene_answer", f"scene is {scene}")
+        tab.page.mouse.up()
+        tab.until_text("state", "^engaged$|fault")
+        assert tab.text("state") == "engaged" and apart(listener) < 5e-3
+    assert tab.complaints == []
 
 
-def zeroed(listener, since):
-    """Time at which the motor came to rest after this one."""
-    return next((at for at, force in listener.motor() if at > since and force == 0.0), None)
-
-
-def test_a_press_on_e_stop_zeroes_the_motor_before_it_is_let_go_and_it_stays_so(tab, listener):
-    tab.engage()
-    push_down(tab)
+def test_each_way_to_stop_zeroes_the_motor_on_every_page_and_back_to_the_start_repairs(system, tab, chromium, listener):
+    looking = Tab(chromium)
+    looking.page.goto(system.looking)
+    looking.until_text("state", "^engaged$")
     button = tab.page.locator("#estop").bounding_box()
-    tab.page.mouse.move(button["x"] + 20, button["y"] + 10)
-    began = time.monotonic()
-    tab.page.mouse.down()
-    zero = listener.until(lambda: zeroed(listener, began), "the motor at zero")
-    tab.page.mouse.up()
-    tab.until_text("state", "fault: Emergency stop")
-    tab.shot("fault")
-    assert {force for at, force in listener.motor() if at >= zero} == {0.0}
+
+    def hold_the_button():
+        tab.page.mouse.move(button["x"] + 20, button["y"] + 10)
+        tab.page.mouse.down()
+
+    keys = [lambda: system.press(" ")] + [
+        lambda page=page: page.page.keyboard.press("Escape") for page in (looking, tab)
+    ]
+    for stop in (hold_the_button, *keys):
+        tab.engage()
+        push_down(tab)
+        began = time.monotonic()
+        stop()
+        zero = zero_since(listener, began)
+        tab.page.mouse.up()  # it was heard before the button is let go
+        for page in (tab, looking):
+            page.until_text("state", "fault: Emergency stop")
+        listener.until(lambda: apart(listener) < 1e-3, "a hand that has let go")
+        assert {force for at, force in listener.motor() if at >= zero} == {0.0}, "and it stays so"
+        tab.page.click("#start_scene")
+        tab.until_text("state", "^engaged$")
+    assert looking.complaints == tab.complaints == []
+    looking.page.close()
 
 
 def test_what_is_pressed_without_a_connection_is_said_and_a_stop_goes_with_the_next(system, tab, chromium, listener):
@@ -136,8 +130,6 @@ def test_what_is_pressed_without_a_connection_is_said_and_a_stop_goes_with_the_n
     far.until_text("state", "no viewer")
     far.page.click("[data-service=enable]")
     far.until_text("hint", "Not sent: no connection")
-    far.page.click("#start_scene")
-    far.until_text("scene_answer", "Not sent: no connection")
     far.page.click("#estop")
     far.until_text("banner", "E-STOP has NOT been heard")
     far.shot("unconnected")
@@ -145,7 +137,7 @@ def test_what_is_pressed_without_a_connection_is_said_and_a_stop_goes_with_the_n
     push_down(tab)  # while a page is looked at, the other may be silent for so long that the hand lets go
     listener.until(lambda: listener.motor()[-1][1] > 0.0, "a motor that pushes")
     began, cable.whole = time.monotonic(), True
-    listener.until(lambda: zeroed(listener, began), "the motor at zero")
+    zero_since(listener, began)
     far.until_text("state", "fault: Emergency stop")
     tab.engage()
     cable.cut()
@@ -157,150 +149,36 @@ def test_what_is_pressed_without_a_connection_is_said_and_a_stop_goes_with_the_n
     far.page.close()
 
 
-def test_the_tone_is_off_until_it_is_asked_for_and_then_as_loud_as_the_force(tab):
+def test_the_keyboard_alone_stops_resets_engages_and_turns_and_the_tone_is_as_loud_as_the_force(tab, listener):
     tone, force = "document.documentElement.dataset.tone", "parseFloat(document.getElementById('force').textContent)"
     tab.engage()
     tab.until(f"{tone} === ''")
     tab.page.check("#tone")
-    tab.until(f"{tone} !== '' && Math.abs({tone} - 0.3 / 15 * {force}) < 0.004")
     push_down(tab)
     tab.until(f"{tone} > 0.03 && Math.abs({tone} - 0.3 / 15 * {force}) < 0.004")
     tab.page.uncheck("#tone")
     tab.until(f"{tone} === ''")
-
-
-def test_the_keyboard_alone_stops_resets_engages_and_turns(tab, listener):
-    tab.engage()
-    push_down(tab)
-    began = time.monotonic()
     tab.page.keyboard.press("Escape")
-    listener.until(lambda: zeroed(listener, began), "the motor at zero")
     tab.until_text("state", "fault: Emergency stop")
-    tab.page.focus("[data-service=reset]")
-    tab.page.keyboard.press("Enter")
-    tab.until("!/fault/.test(document.getElementById('state').textContent)")
-    tab.page.focus("#start_scene")
-    tab.page.keyboard.press("Enter")
-    tab.until_text("scene_answer", "at its start")
-    tab.page.focus("[data-service=enable]")
-    tab.page.keyboard.press("Enter")
-    tab.until_text("state", "^engaged$")
-    before = listener.truths[-1][1].position[5]
+    for button, name, said in (
+        ("[data-service=reset]", "state", "^(?!fault)"),
+        ("#start_scene", "scene_answer", "at its start"),
+        ("[data-service=enable]", "state", "^engaged$"),
+    ):
+        tab.page.focus(button)
+        tab.page.keyboard.press("Enter")
+        tab.until_text(name, said)
+    before = listener.rested()[2]
     tab.page.focus("#scene")
-    listener.until(
-        lambda: tab.page.keyboard.press("q") or listener.truths[-1][1].position[5] > before + 0.1, "a turn to the left"
-    )
+    turned = lambda: listener.truths[-1][1].position[5]  # noqa: E731
+    listener.until(lambda: tab.page.keyboard.press("q") or turned() > before + 0.1, "a turn to the left")
     tab.page.focus("#turn_right")
     tab.page.keyboard.down("Space")
     try:
-        listener.until(lambda: listener.truths[-1][1].position[5] < before + 0.05, "a turn to the right")
+        listener.until(lambda: turned() < before + 0.05, "a turn to the right")
     finally:
         tab.page.keyboard.up("Space")
-
-
-def test_the_wheel_turns_the_hand_by_a_degree_a_notch_and_moves_it_nowhere(tab, listener):
-    tab.until_text("state", "^engaged$")
-    before = listener.rested()
-    tab.page.mouse.move(*tab.middle())
-    for notches in (-3, 3):
-        tab.page.mouse.wheel(0, 100 * notches)
-        there = before + [0.0, 0.0, math.radians(max(0, -notches))]
-        listener.until(
-            lambda there=there: np.abs(listener.truths[-1][1].position[3:6] - there).max() < 1e-6,
-            f"the hand at {there}",
-        )
-
-
-def test_a_slider_changes_the_gain_of_the_driver(tab):
-    slider = tab.page.locator("#tuned_coupling_damping")
-    before = tab.page.locator("#tuned_coupling_damping + input").input_value()
-    slider.focus()
-    for _ in range(5):
-        slider.press("ArrowLeft")
-    tab.page.focus("#scene")
-    tab.until(f"document.querySelector('#tuned_coupling_damping + input').value != {before!r}")
-    assert tab.text("tuned_coupling_damping_answer") == ""
-    number = tab.page.locator("#tuned_coupling_damping + input")
-    number.fill(before)
-    number.press("Enter")
-
-
-def test_another_scene_and_method_are_loaded_and_an_impossible_one_is_refused(tab):
-    tab.choose("scene_name", "wrench_on_nut", "scene is wrench_on_nut")
-    tab.choose("method_name", "partitioned", "scene is wrench_on_nut")
-    tab.page.focus("#scene")
-    tab.until(
-        "Number(document.getElementById('result_turned').textContent) > 0.01",
-        before=lambda: tab.page.keyboard.press("ArrowUp"),
-    )
-    tab.shot("wrench")
-    tab.choose("method_name", "closed_form", "no closed form")
-    assert "refused" in tab.page.get_attribute("#scene_answer", "class")
-    tab.choose("method_name", "auto", "scene is wrench_on_nut")
-    tab.choose("scene_name", "peg_in_hole", "scene is peg_in_hole")
-
-
-def test_drags_beyond_the_workspace_are_clamped_with_a_hint(tab, listener):
-    tab.engage()
-    x, y = tab.middle()
-    tab.page.mouse.move(x, y)
-    tab.page.mouse.down()
-    tab.page.mouse.move(x + 380, y, steps=30)
-    tab.until_text("hint", "edge of the workspace")
-    tab.page.mouse.up()
-    assert max(truth.position[3] for _, truth in list(listener.truths)) < 0.1201
-    tab.engage()
-
-
-def test_a_reload_and_a_second_tab_recover_by_themselves(system, tab, chromium):
-    tab.page.reload()
-    second = Tab(chromium)
-    second.page.goto(system.address)
-    for page in (tab, second):
-        page.until("Number(document.documentElement.dataset.received) > 0")
-        page.until_text("state", "^engaged$")
-    second.page.close()
-
-
-def test_a_page_that_only_looks_on_shows_all_and_moves_nothing(system, chromium, listener):
-    tab = Tab(chromium)
-    tab.page.goto(system.looking)
-    tab.until("Number(document.documentElement.dataset.drawn) > 0")
-    assert not tab.page.is_visible("[data-service=enable]") and not tab.page.is_visible("#tuning")
-    heard = len(listener.targets)
-    tab.page.evaluate("""() => new Promise((done) => {
-        const socket = new WebSocket(new URL("socket", location.href.replace("http", "ws")));
-        socket.onopen = () => socket.send('{"do": "aim", "x": 0.05}');
-        socket.onmessage = (event) => event.data.includes("view-only") && done();
-    })""")
-    assert len(listener.targets) == heard
-    tab.page.close()
-
-
-def test_a_simulation_that_is_killed_and_started_by_somebody_else_is_shown_again(system, tab, start):
-    tab.until_text("state", "^engaged$")
-    [simulation] = [
-        child
-        for child in psutil.Process(system.process.pid).children()
-        if "haptic_sim.node.simulation" in child.cmdline()
-    ]
-    words, around = simulation.cmdline(), simulation.environ()
-    simulation.kill()
-    tab.until("document.getElementById('result_insertion_fraction').textContent === '–'")
-    tab.until_text("fault_cause", "haptic_simulation was ended by SIGKILL .signal 9.")
-    start(words, env=around, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    tab.until("Number.isFinite(Number(document.getElementById('result_insertion_fraction').textContent))")
-    tab.until_text("state", "^engaged$")
-
-
-def stiffen(tab, value, differs):
-    """Gives the driver this coupling.stiffness, until the page has it from there; differs: from what it began with."""
-    number = tab.page.locator("#tuned_coupling_stiffness + input")
-    number.fill(value)
-    number.press("Enter")
-    tab.page.focus("#scene")
-    tab.until(f"document.getElementById('defaults').disabled === {'false' if differs else 'true'}")
-    assert number.input_value() == value
+    assert tab.complaints == []
 
 
 def delay(tab, milliseconds):
@@ -312,36 +190,25 @@ def delay(tab, milliseconds):
     tab.until_text("state", "^engaged$")
 
 
-def test_nodes_that_start_again_with_a_delay_are_found_again_and_lose_nothing(tab):
+def test_scenes_methods_and_a_delay_are_chosen_an_impossible_one_is_refused_and_a_restart_loses_nothing(tab):
+    stiffness = tab.page.locator("#tuned_coupling_stiffness + input")
+    tab.choose("scene_name", "wrench_on_nut", "scene is wrench_on_nut")
+    tab.choose("method_name", "closed_form", "no closed form")
+    assert "refused" in tab.page.get_attribute("#scene_answer", "class")
+    tab.choose("method_name", "impulse", "scene is wrench_on_nut")
+    tab.page.focus("#scene")
+    turned = "Number(document.getElementById('result_turned').textContent) > 0.01"
+    tab.until(turned, before=lambda: tab.page.keyboard.press("ArrowUp"))
     delay(tab, 25)
     tab.until("Number(/age p50 . p99([0-9.]+)/.exec(document.getElementById('figures').textContent)?.[1]) > 15")
-    tab.choose("scene_name", "wrench_on_nut", "scene is wrench_on_nut")
-    stiffen(tab, "900", differs=True)
-    delay(tab, 0)
-    tab.until("document.getElementById('result_turned')")
-    assert tab.page.input_value("#scene_name") == "wrench_on_nut"
-    assert tab.page.input_value("#tuned_coupling_stiffness + input") == "900"
-    stiffen(tab, "1200", differs=False)
+    for value, differs in (("900", "true"), ("1200", "false")):
+        stiffness.fill(value)
+        stiffness.press("Enter")
+        tab.page.focus("#scene")
+        tab.until(f"document.getElementById('defaults').disabled !== {differs}")
+        delay(tab, 0)
+        tab.until("document.getElementById('result_turned')")
+        assert (tab.page.input_value("#scene_name"), stiffness.input_value()) == ("wrench_on_nut", value)
+    tab.choose("method_name", "auto", "scene is wrench_on_nut")
     tab.choose("scene_name", "peg_in_hole", "scene is peg_in_hole")
-
-
-def test_a_finger_on_a_phone_leads_the_hand(system, chromium, listener):
-    phone = Tab(chromium, 390, 844, has_touch=True, is_mobile=True)
-    phone.page.goto(system.address)
-    phone.until("Number(document.documentElement.dataset.drawn) > 0")
-    before = listener.until(lambda: listener.truths, "a truth")[-1][1].position[4]
-    x, y = phone.middle()
-    screen = phone.page.context.new_cdp_session(phone.page)
-    screen.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]})
-    for step in range(20):
-        screen.send("Input.dispatchTouchEvent", {"type": "touchMove", "touchPoints": [{"x": x, "y": y + 4 * step}]})
-        time.sleep(0.02)
-    listener.until(lambda: listener.truths[-1][1].position[4] < before - 0.02, "the hand further down")
-    phone.shot("phone")
-    screen.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
-    assert phone.complaints == [] and phone.page.evaluate("window.scrollY") == 0
-    phone.page.close()
-
-
-def test_the_console_had_no_complaint(tab):
     assert tab.complaints == []
