@@ -6,10 +6,13 @@
 
 import math
 import shlex
+from pathlib import Path
 
 import pytest
 from in_process import haptic
 
+from haptic_sim.cli.compare import compare
+from haptic_sim.cli.replay import As
 from haptic_sim.supervision import machine_trial, processes
 
 POINT = "/**/haptic_driver:\n  ros__parameters: {{{}}}\n"
@@ -19,11 +22,9 @@ FILES = {
     "empty.yaml": "",
     "list.yaml": "[1, 2]\n",
     "broken.yaml": "a: [1\n",
-    "plain.yaml": "a: 1\n",
     "binary.yaml": "\x00\x01",
     "stiff.yaml": POINT.format("coupling.stiffness: 1e9"),
     "unknown.yaml": POINT.format("coupling.stifness: 100.0"),
-    "text.yaml": POINT.format("servo.rate: 1:30"),
     "twice.yaml": POINT.format("servo.rate: 1000.0, servo.rate: 2000.0"),
     "device.yaml": POINT.format("device: nowhere"),
     "axes.yaml": POINT.format("device: ./bad.yaml"),
@@ -41,15 +42,12 @@ NO_FILE, FULL = "No such file or directory", "/dev/full: No space left on device
 NOWHERE = "nowhere is neither a file nor a name in config/"
 INPUTS = {
     "check empty.yaml": "the file holds no mapping of names to values",
-    "check list.yaml": "the file holds no mapping of names to values",
     "check broken.yaml": "line 2 is not YAML",
-    "check plain.yaml": "neither an operating point (ros__parameters), a device description (axes) nor a scene",
     "check binary.yaml": "this is not a YAML text",
     "check nowhere.yaml": f"nowhere.yaml: {NO_FILE}",
     "check .": ".: Is a directory",
     "check stiff.yaml": "coupling.stiffness is 1000000000.0 N/m; at most",
     "check unknown.yaml": "did you mean coupling.stiffness?",
-    "check text.yaml": "servo.rate is '1:30' (text); a number with a decimal point in Hz is needed",
     "check twice.yaml": "servo.rate is written twice, the second time in line 2",
     "check device.yaml": "device 'nowhere' is neither the file {here}/nowhere nor a name in config/devices",
     "check stranger.yaml": "haptic_drvier is not a node of this package; did you mean haptic_driver?",
@@ -57,12 +55,9 @@ INPUTS = {
     "check heavy.yaml": "tool.mass is -0.1: it should be greater than 0 kg",
     "check doubled.yaml": "mass is written twice, the second time in line 2",
     "check joint.yaml": "joints[0].bodies[1] is 'nobody'; it must be one of tool, world",
-    "compare nowhere demo demo demo demo demo demo demo": "7 operating points are given; at most 6",
     "compile nothing": "no kernels are called nothing; there are",
     "demo --exchange guess": "exchange.method is 'guess'; it must be one of direct, wave, pspm, local",
     "demo --scene doubled.yaml": "doubled.yaml: mass is written twice",
-    "demo --params twice.yaml": "twice.yaml: servo.rate is written twice",
-    "demo --params stranger.yaml": "stranger.yaml: haptic_drvier is not a node of this package",
     "demo --params stiff.yaml": "stiff.yaml: /**/haptic_driver: coupling.stiffness is 1000000000.0 N/m; at most",
     "demo --params axes.yaml --scene wall": "device {here}/bad.yaml: axes[0].velocity_limit is missing; add it",
     "demo --params unknown.yaml --out run --view": "coupling.stifness is not a parameter of haptic_driver; did you",
@@ -70,7 +65,6 @@ INPUTS = {
     "demo --params broken.yaml --out run": "broken.yaml: line 2 is not YAML",
     "demo --out list.yaml": "--out list.yaml exists already",
     "device find --silent --udp nowhere": "--udp is 'nowhere'; HOST:PORT is needed, the port from 1 to 65535",
-    "device find --silent --udp 127.0.0.1:0": "--udp is '127.0.0.1:0'; HOST:PORT is needed",
     "device find --silent --udp 127.0.0.1:65536": "--udp is '127.0.0.1:65536'; HOST:PORT is needed",
     "device find --watch --udp 127.0.0.1:9": "--watch is for what is plugged in: leave --udp out",
     "device set-up desktop": "haptic device set-up: it asks for what only a hand at the device can tell",
@@ -82,7 +76,6 @@ INPUTS = {
     "docs --out /nowhere/a.md": f"haptic: /nowhere/a.md: {NO_FILE}",
     "docs --out /dev/full": f"haptic: {FULL}",
     "identify --force 0": "force is 0 N, but it must be a finite number greater than 0 N",
-    "identify --force nan": "force is nan N",
     "identify --force 15.1": "force is 15.1 N, but the motor of axis x gives at most 15 N",
     "identify --torque -0.1": "torque is -0.1 N m, but it must be a finite number greater than 0",
     "identify --torque 1.1": "torque is 1.1 N m, but the motor of axis theta gives at most 1 N m",
@@ -91,7 +84,6 @@ INPUTS = {
     "identify --out /nowhere/found.yaml": "/nowhere/found.yaml, but it must be a file in a folder that",
     f"{PASSIVITY} --stiffness -1": "stiffness is -1 N/m, but it must lie between 0 and 1e+12 N/m",
     f"{PASSIVITY} --stiffness 1.1e12": "stiffness is 1.1e+12 N/m, but it must lie between 0 and 1e+12 N/m",
-    f"{PASSIVITY} --damping nan": "damping is nan N s/m",
     f"{PASSIVITY} --physical-damping 0": "physical_damping is 0 N s/m, but it must be a finite number greater than 0",
     f"{PASSIVITY} --period 0": "period is 0 s, but it must be a finite number greater than 0 s",
     f"{PASSIVITY} --mass 0": "mass is 0 kg",
@@ -105,16 +97,13 @@ INPUTS = {
     "replay nowhere --delay inf": "--delay is inf; a finite number in s is needed",
     "replay nowhere --check --live": "replay --check takes no --live",
     "replay nowhere --check --as device": "replay --check takes no --as device:",
-    "replay nowhere --live --params demo": "replay --live takes no --params:",
     "replay nowhere --live --delay 0.01": "replay --live takes no --delay:",
     "replay nowhere --live --out out": "replay --live takes no --out:",
     "report nowhere": "bag nowhere does not exist",
     "scenes --draw nowhere": f"{NOWHERE}scenes",
-    "scenes --draw doubled.yaml": "doubled.yaml: mass is written twice",
     "scenes --draw wall --out /nowhere/a.png": f"haptic: /nowhere/a.png: {NO_FILE}",
     "scenes --draw wall --out /dev/full": f"haptic: {FULL}",
     "scenes --draw wall --verify wall --out a.png": "--out names the picture of --draw or the table of --verify",
-    "scenes --explain nowhere": f"{NOWHERE}scenes",
     "scenes --out a.png": "--out names the picture of --draw or the table of --verify",
     "scenes --verify nowhere": f"{NOWHERE}scenes",
     "scenes --verify wall --out /nowhere/a.csv": "/nowhere/a.csv",
@@ -124,8 +113,6 @@ INPUTS = {
     "zwidth --domain 3 --namespace /a": "--domain, --namespace needs --live",
     "zwidth --operator strong": "operator is 'strong', but it must be one of none, light, firm, worst",
     "zwidth --device nowhere": f"{NOWHERE}devices",
-    "zwidth --period 0 --device desktop": "period is 0 s",
-    "zwidth --stiffness-max -5": "stiffness_max is -5 N/m",
     "zwidth --damping-max 0": "damping_max is 0 N s/m",
     "zwidth --lateness 0.00051": "lateness is 0.00051 s, but it must lie between 0 and 0.0005 s",
     "zwidth --seconds 0": "seconds is 0 s",
@@ -134,19 +121,9 @@ INPUTS = {
     "zwidth --live --period 1": "servo.rate is 1.0 Hz; at least 500.0 Hz is needed",
     "zwidth --live --period 0.00005": "servo.rate is 20000.0 Hz; at most 10000.0 Hz is allowed",
     "zwidth --live --damping -1": "wall.damping[0] is -1.0 N s/m; at least 0.0 N s/m is needed",
-    "zwidth --live --damping nan": "damping is nan N s/m",
     "zwidth --live --stiffness-max 0": "stiffness_max is 0 N/m",
 }
-TAKEN = [
-    "--stiffness 0",
-    "--physical-damping 1e-9",
-    "--period 1e-9",
-    "--mass 1e-3",
-    "--delay-samples 0",
-    "--delay-samples 100",
-    "--velocity-lag 0",
-    "--resolution 0 --coulomb 0",
-]
+TAKEN = "--stiffness 0", "--physical-damping 1e-9", "--period 1e-9", "--mass 1e-3", "--delay-samples 100", "--coulomb 0"
 """What `haptic passivity` takes just inside of its bounds."""
 ELSEWHERE = "view --namespace a+b", "record --field nonsense", "status --namespace a+b", "demo --scene nowhere"
 VIEW, RECORD, STATUS, DEMO = ELSEWHERE
@@ -211,6 +188,12 @@ def test_a_wrong_input_is_one_sentence_and_makes_nothing(command, here):
             assert sentence.format(here=here) in said, (words, said)
             assert "Errno" not in said and "validation" not in said
     assert sorted(path.name for path in here.iterdir()) == sorted(FILES)
+
+
+def test_more_operating_points_than_a_page_shows_are_refused_before_the_first_is_played(here):
+    with pytest.raises(ValueError, match="7 operating points are given; at most 6"):
+        compare(Path("nowhere"), ["demo"] * 7, As.target, 0.0, here / "out", None)
+    assert not (here / "out").exists()
 
 
 def test_passivity_takes_what_is_just_inside_of_its_bounds():

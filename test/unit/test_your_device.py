@@ -73,13 +73,19 @@ def request(milliamperes):
     return b"F" + milliamperes.to_bytes(2, "little", signed=True)
 
 
-@pytest.fixture
-def board(one_axis):
+def answering(one_axis):
     """A board that has answered once."""
     board = Board(one_axis)
-    assert board.tell(c.OPENED, 1 * MS) == request(0) and not board.state[c.READY]
-    assert board.hear(reply(5), 2 * MS) == [] and board.state[c.READY]
+    assert board.tell(c.OPENED, 1 * MS) == request(0)
+    assert not board.state[c.READY]
+    assert board.hear(reply(5), 2 * MS) == []
+    assert board.state[c.READY]
     return board
+
+
+@pytest.fixture
+def board(one_axis):
+    return answering(one_axis)
 
 
 def test_the_description_of_the_page_is_one(tmp_path):
@@ -88,12 +94,15 @@ def test_the_description_of_the_page_is_one(tmp_path):
     assert load_device("own_device").link.type == "shared_memory"
 
 
-@pytest.mark.parametrize("counts", [0, 1, -1, 2**31 - 1, -(2**31)])
-def test_the_answer_to_the_request_at_the_deadline_is_its_sample(board, counts):
-    assert board.tell(c.COMMAND, 10 * MS, 0.5, 11 * MS) == request(500)
-    assert board.tell(c.DUE, 11 * MS, 0.5, 11 * MS) == request(500)
-    assert board.hear(reply(123), 11 * MS + 1000) == []  # of the command
-    assert board.hear(reply(counts), 11 * MS + 4000) == [(11 * MS + 2000, 11 * MS, counts)]
+def test_the_answer_to_the_request_at_the_deadline_is_its_sample_which_is_never_before_it(one_axis):
+    for counts in (0, -1, 2**31 - 1, -(2**31)):
+        board = answering(one_axis)
+        assert board.tell(c.COMMAND, 10 * MS, 0.5, 11 * MS) == request(500)
+        assert board.tell(c.DUE, 11 * MS, 0.5, 11 * MS) == request(500)
+        assert board.hear(reply(123), 11 * MS + 1000) == []  # of the command
+        assert board.hear(reply(counts), 11 * MS + 4000) == [(11 * MS + 2000, 11 * MS, counts)]
+        board.tell(c.DUE, 12 * MS, deadline=13 * MS)
+        assert board.hear(reply(3), 13 * MS) == [(13 * MS, 13 * MS, 3)]
 
 
 def test_without_a_servo_a_sample_comes_each_idle_event(board):
@@ -101,19 +110,13 @@ def test_without_a_servo_a_sample_comes_each_idle_event(board):
     assert board.hear(reply(7), 10 * MS + 4000) == [(10 * MS + 2000, 0, 7)]
 
 
-def test_a_sample_is_never_before_its_deadline(board):
-    board.tell(c.DUE, 10 * MS, deadline=11 * MS)
-    assert board.hear(reply(3), 11 * MS) == [(11 * MS, 11 * MS, 3)]
-
-
-@pytest.mark.parametrize(
-    "motor, sent", [(5.0, 5000), (5.001, 5000), (-5.0, -5000), (-5.001, -5000), (1e308, 5000), (-0.25, -250)]
-)
-def test_the_motor_value_is_held_within_what_the_board_stands(board, motor, sent):
-    assert board.tell(c.COMMAND, 10 * MS, motor) == request(sent)
-    assert board.tell(c.DUE, 11 * MS, deadline=11 * MS) == request(sent)
-    assert board.tell(c.CUT, 12 * MS, motor) == request(0)
-    assert board.tell(c.DUE, 12 * MS, motor) == b""  # one deadline at a time
+def test_the_motor_value_is_held_within_what_the_board_stands(one_axis):
+    for motor, sent in ((5.0, 5000), (5.001, 5000), (-5.001, -5000), (1e308, 5000), (-0.25, -250)):
+        board = answering(one_axis)
+        assert board.tell(c.COMMAND, 10 * MS, motor) == request(sent)
+        assert board.tell(c.DUE, 11 * MS, deadline=11 * MS) == request(sent)
+        assert board.tell(c.CUT, 12 * MS, motor) == request(0)
+        assert board.tell(c.DUE, 12 * MS, motor) == b""  # one deadline at a time
 
 
 def test_answers_that_do_not_come_are_given_up_and_counted(board):

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Z-width in lock-step: the cell against the whole servo, its boundary against eigenvalues, passivity against both."""
 
+import itertools
+
 import numpy as np
 import pytest
 from examples import few
@@ -23,7 +25,7 @@ from haptic_device.analysis.zwidth import (
     run_cells,
     theory,
 )
-from haptic_device.analysis.zwidth_map import Request, boundaries, draw_map, empty, write_csv
+from haptic_device.analysis.zwidth_map import Request, boundaries, draw_map, write_csv
 from haptic_device.control import enable_state, records
 from haptic_device.description import Axis, Device
 from haptic_device.device import loopback_config, operator_hand, plant, simulated_device, wall_tapping
@@ -37,16 +39,9 @@ SMALL = Request(Setup(0.1, 0.5, 1e-3, seconds=0.2), "none", np.linspace(100.0, 2
 
 def whole_servo(setup, start, stiffness, damping):
     """Most energy given in the same tap by the servo's tick and the plant's integration; gravity pushes as the hand."""
-    axis = Axis(
-        name="x",
-        counts_per_unit=1.0 / setup.resolution,
-        motor_limit=1e6,
-        workspace=(-1.0, 1.0),
-        velocity_limit=1e3,
-        mass=setup.mass,
-        damping=setup.physical_damping,
-        coulomb=setup.coulomb,
-    )
+    limits = {"motor_limit": 1e6, "workspace": (-1.0, 1.0), "velocity_limit": 1e3}
+    own = {"mass": setup.mass, "damping": setup.physical_damping, "coulomb": setup.coulomb}
+    axis = Axis(name="x", counts_per_unit=1.0 / setup.resolution, **limits, **own)
     device = Device(name="one axis", axes=(axis,), gravity=(-start.push / setup.mass, 0.0), gravity_compensation=False)
     values = defaults(OPERATING_POINT)
     values |= {"servo.rate": 1.0 / setup.period, "force.limit": 1e6, "velocity.lag": setup.velocity_lag}
@@ -120,18 +115,14 @@ def test_friction_calms_what_an_encoder_step_keeps_alive():
     assert run_cells(rough._replace(coulomb=0.1), PRESSED, 1100.0, 0.0).assessment == QUIET
 
 
-@pytest.mark.parametrize("resolution", (0.0, 5e-6))
-@pytest.mark.parametrize("name", ("none", "firm", "worst"))
-def test_a_handle_that_friction_holds_does_not_shake(name, resolution):
+def test_a_handle_that_friction_holds_does_not_shake():
     """Beside the equilibrium, where it shook by the energy that friction kept in the springs."""
-    setup = Setup(0.1, 3.0, 1e-3, coulomb=0.02, resolution=resolution)
-    assert np.all(run_cells(setup, operators_of(name), [100.0, 1000.0, 2500.0], 0.5).assessment == QUIET)
-
-
-def test_what_stands_still_has_no_vibration():
-    setup = Setup(0.1, 3.0, 1e-3, coulomb=0.5, resolution=5e-6)
-    outcome = run_cells(setup, PRESSED, [100.0, 1000.0, 1e4], 0.0)
-    assert np.all(outcome.growth == 0.0) and np.all(outcome.assessment == QUIET)
+    for resolution, name in itertools.product((0.0, 5e-6), ("none", "firm", "worst")):
+        setup = Setup(0.1, 3.0, 1e-3, coulomb=0.02, resolution=resolution)
+        assert np.all(run_cells(setup, operators_of(name), [100.0, 1000.0, 2500.0], 0.5).assessment == QUIET)
+    stuck = run_cells(setup._replace(coulomb=0.5), PRESSED, [100.0, 1000.0, 1e4], 0.0)
+    assert np.all(stuck.growth == 0.0)
+    assert np.all(stuck.assessment == QUIET)
 
 
 @few(40)
@@ -168,13 +159,13 @@ def test_energy_of_motion_is_above_the_place_where_friction_holds():
     assert energy(0.5, 1e-9) == pytest.approx(energy(0.5, -1e-9), rel=1e-5)
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.7, 1.0, 1.6])
-def test_the_line_of_late_writes_never_lies_above_what_a_delay_as_long_allows_and_meets_it_without_damper(delay):
+def test_the_line_of_late_writes_never_lies_above_what_a_delay_as_long_allows_and_meets_it_without_damper():
     damping = np.linspace(-0.4, 0.4, 9)
-    late = theory(Setup(0.1, 0.5, 1e-3, delay_samples=delay), damping, lateness=2e-4)["late writes"]
-    delayed = np.array([largest_passive_stiffness(0.5, B, 1e-3, 0.0, delay + 0.2) for B in damping])
-    assert np.all(late <= delayed * (1.0 + 1e-9))
-    assert late[4] == pytest.approx(delayed[4], rel=1e-9)
+    for delay in (0.0, 0.7, 1.0, 1.6):
+        late = theory(Setup(0.1, 0.5, 1e-3, delay_samples=delay), damping, lateness=2e-4)["late writes"]
+        delayed = np.array([largest_passive_stiffness(0.5, B, 1e-3, 0.0, delay + 0.2) for B in damping])
+        assert np.all(late <= delayed * (1.0 + 1e-9))
+        assert late[4] == pytest.approx(delayed[4], rel=1e-9)
 
 
 def test_lines_of_theory_lie_in_their_order():
@@ -184,57 +175,38 @@ def test_lines_of_theory_lie_in_their_order():
     assert lines["late writes"][4] == pytest.approx(0.5 / 0.6354e-3, rel=1e-4)
 
 
-def test_the_map_is_the_same_with_one_thread_and_with_two():
-    one, two = draw_map(SMALL, 1), draw_map(SMALL, 2)
-    for first, second in zip(one.outcome, two.outcome, strict=True):
-        np.testing.assert_array_equal(first, second)
+@pytest.fixture(scope="module")
+def whole():
+    return draw_map(SMALL, 2)
 
 
-def test_of_an_interrupted_map_the_rows_that_were_done_are_in_the_csv_file(tmp_path):
-    plane, whole = empty(SMALL), draw_map(SMALL, 2)
-
-    def interrupt(done):
-        if done == 20:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        draw_map(SMALL, 1, interrupt, plane=plane)
-    write_csv(tmp_path / "map.csv", SMALL, plane)
-    table = np.loadtxt(tmp_path / "map.csv", delimiter=",", skiprows=1)
-    assert table.shape == (20 * SMALL.stiffness.size, 5)
-    assert set(table[:, 0]) == {float(f"{value:.10g}") for value in SMALL.damping[plane.done]}
-    np.testing.assert_array_equal(plane.outcome.growth[plane.done], whole.outcome.growth[plane.done])
+def test_the_map_is_the_same_with_one_thread_and_with_two(whole):
+    for one, two in zip(draw_map(SMALL, 1).outcome, whole.outcome, strict=True):
+        np.testing.assert_array_equal(one, two)
 
 
-def test_boundaries_and_csv_tell_what_the_cells_did(tmp_path):
-    plane = draw_map(SMALL, 2)
-    write_csv(tmp_path / "map.csv", SMALL, plane)
+def test_boundaries_and_csv_tell_what_the_cells_did(tmp_path, whole):
+    write_csv(tmp_path / "map.csv", SMALL, whole)
     table = np.loadtxt(tmp_path / "map.csv", delimiter=",", skiprows=1)
     assert table.shape == (480, 5)
-    limit = boundaries(SMALL, plane)["not shaking"]
+    limit = boundaries(SMALL, whole)["not shaking"]
     shaking = table[table[:, 2] == SHAKING]
     for damping, stiffness in zip(SMALL.damping, limit, strict=True):
         row = shaking[np.isclose(shaking[:, 0], damping), 1]
         assert row.size == 0 or row.min() > stiffness
 
 
-@pytest.mark.parametrize(
-    "change, sentence",
-    [
+def test_impossible_devices_a_wall_that_pulls_and_an_operator_nobody_knows_are_refused():
+    for change, sentence in (
         ({"mass": 0.0}, "mass is 0 kg"),
         ({"physical_damping": -1.0}, "physical_damping is -1 N s/m"),
         ({"period": 0.0}, "period is 0 s"),
         ({"coulomb": np.nan}, "coulomb is nan N"),
         ({"delay_samples": -1.0}, "delay_samples is -1 samples"),
         ({"seconds": 1e-3}, "seconds/period is 1 ticks"),
-    ],
-)
-def test_impossible_devices_are_refused(change, sentence):
-    with pytest.raises(ValueError, match=sentence):
-        run_cells(SMALL.setup._replace(**change), PRESSED, 100.0, 0.0)
-
-
-def test_a_wall_that_pulls_and_an_operator_nobody_knows_are_refused():
+    ):
+        with pytest.raises(ValueError, match=sentence):
+            run_cells(SMALL.setup._replace(**change), PRESSED, 100.0, 0.0)
     with pytest.raises(ValueError, match="stiffness is -1 N/m, but it must be a finite number, at least 0"):
         run_cells(SMALL.setup, PRESSED, -1.0, 0.0)
     with pytest.raises(ValueError, match="operator is 'strong', but it must be one of none, light, firm, worst"):
