@@ -4,63 +4,23 @@
 Nothing here takes time: the tests say what time it is [ns of the host's clock].
 """
 
-import struct
-import zlib
-
 import numpy as np
+from link_frames import CLOCK, CLOCK_ANSWER, COMMAND, GREETING, HELLO, SAMPLE, TARGET, pack, unpack
 
 from haptic_device.link import codec
 
-HELLO, GREETING, COMMAND, SAMPLE, CLOCK, CLOCK_ANSWER, TARGET, TRUTH = range(1, 9)
-LENGTHS = {HELLO: 20, GREETING: 92, COMMAND: 44, SAMPLE: 72, CLOCK: 28, CLOCK_ANSWER: 44, TARGET: 44, TRUTH: 180}
 MS = 1_000_000
 UNASKED = MS
-
-
-def packed(kind, session, sequence, payload=b"", *, flags=0, answers=0, version=1):
-    """A frame as the page has it."""
-    body = struct.pack("<BBHIII", version, kind, flags, session, sequence & 0xFFFFFFFF, answers) + payload
-    return body + struct.pack("<I", zlib.crc32(body))
-
-
-def unpacked(data):
-    """kind, flags, session, sequence, answers, payload of a frame, which must be one."""
-    version, kind, flags, session, sequence, answers = struct.unpack("<BBHIII", data[:16])
-    assert (version, len(data), zlib.crc32(data[:-4])) == (1, LENGTHS[kind], struct.unpack("<I", data[-4:])[0])
-    return kind, flags, session, sequence, answers, data[16:-4]
-
-
-def stuffed(data):
-    """By COBS, with the 0 that ends it: each run without zeros behind its length + 1; the 0 after 254 bytes is none."""
-    coded = b""
-    for run in (data + b"\0").split(b"\0")[:-1]:
-        while len(run) >= 254:
-            coded, run = coded + b"\xff" + run[:254], run[254:]
-        coded += bytes([len(run) + 1]) + run
-    return coded + b"\0"
-
-
-def unstuffed(coded):
-    """What a frame by COBS, without its 0, stands for."""
-    data, at = b"", 0
-    while at < len(coded):
-        length = coded[at]
-        assert length, "a 0 is the end of a frame, and none of its bytes"
-        data += coded[at + 1 : at + length]
-        at += length
-        data += b"\0" if length < 255 and at < len(coded) else b""
-    return data
 
 
 def greeting(
     axes=2, bits=32, features=0, *, counts=(1e5, 1e5, 1e4), largest=(1.0, 1.0, 1.0), least=100_000, watchdog=15 * MS
 ):
-    name = struct.pack("<24sII", b"model", 0x010203, axes)
-    return name + struct.pack("<6f4I", *counts, *largest, least, watchdog, bits, features)
+    return b"model", 0x010203, axes, *counts, *largest, least, watchdog, bits, features
 
 
 def sample(deadline, sampled, applied=0, counts=(0, 0, 0), temperature=-32768, drag=(0.0, 0.0, 0.0)):
-    return struct.pack("<qqq3ihH3f", deadline, sampled, applied, *counts, temperature, 0, *drag)
+    return deadline, sampled, applied, *counts, temperature, 0, *drag
 
 
 class Device:
@@ -79,7 +39,7 @@ class Device:
 
     def hear(self, data, host):
         """Its answers to a frame that comes now, frames each."""
-        kind, flags, session, sequence, _, payload = unpacked(data)
+        kind, flags, session, sequence, _, payload = unpack(data)
         if kind == HELLO:
             if session != self.session:
                 self.session, self.sequence, self.taken, self.motor = session, 0, 0, (0.0, 0.0, 0.0)
@@ -93,11 +53,11 @@ class Device:
         self.taken = sequence
         if kind == CLOCK:
             now = self.clock(host)
-            return [self.frame(CLOCK_ANSWER, payload + struct.pack("<qq", now, now), answers=sequence)]
+            return [self.frame(CLOCK_ANSWER, (*payload, now, now), answers=sequence)]
         if kind == TARGET:
-            self.targets.append(struct.unpack("<3d", payload))
+            self.targets.append(payload)
         if kind == COMMAND:
-            self.deadline, self.period, *self.motor = struct.unpack("<qI3f", payload)
+            self.deadline, self.period, *self.motor = payload
             self.asked, self.applied, self.driven_at, self.engaged = sequence, self.clock(host), host, bool(flags & 1)
         return []
 
@@ -115,7 +75,7 @@ class Device:
 
     def frame(self, kind, payload, **header):
         self.sequence += 1
-        return packed(kind, self.session, self.sequence, payload, **header)
+        return pack(kind, self.session, self.sequence, *payload, **header)
 
 
 class Host:
@@ -148,9 +108,9 @@ class Host:
         return self.heard[-1]
 
 
-def acquainted(host, device, now, way=30_000):
+def acquainted(host, device, now, event=codec.OPENED):
     """Greets, and asks for the clock until commands can be sent; returns the time then."""
-    sent = host.say(codec.OPENED, now)
+    way, sent = 30_000, host.say(event, now)
     for _ in range(100):
         for reply in device.hear(sent, now + way) if sent else []:
             host.hear(reply, now + 2 * way)

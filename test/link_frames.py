@@ -14,8 +14,6 @@ import zlib
 from collections import namedtuple
 from typing import NamedTuple
 
-from link_device import stuffed
-
 HELLO, GREETING, COMMAND, SAMPLE, CLOCK, CLOCK_ANSWER, TARGET, TRUTH = range(1, 9)
 CUT, ESTOP, HOT, END_SWITCH, BROKEN_ENCODER, CLAMPED = 2, 4, 8, 16, 32, 128  # bits of a sample's flags
 ENGAGED = 1  # of a command's
@@ -30,6 +28,7 @@ PAYLOADS = {
     TRUTH: "<q18dd",
 }
 HEAD = struct.Struct("<BBHIII")
+LENGTHS = {kind: HEAD.size + struct.calcsize(payload) + 4 for kind, payload in PAYLOADS.items()}  # [bytes]
 
 
 class Frame(NamedTuple):
@@ -72,31 +71,38 @@ def greeting(frame):
     return told._replace(name=told.name.rstrip(b"\0"))
 
 
+def sealed(body):
+    """With the CRC that ends a frame."""
+    return body + struct.pack("<I", zlib.crc32(body))
+
+
 def pack(kind, session, sequence, *payload, flags=0, answers=0, version=1):
     """The bytes of a frame, CRC included."""
-    body = HEAD.pack(version, kind, flags, session, sequence, answers) + struct.pack(PAYLOADS[kind], *payload)
-    return body + struct.pack("<I", zlib.crc32(body))
+    head = HEAD.pack(version, kind, flags, session, sequence & 0xFFFFFFFF, answers)
+    return sealed(head + struct.pack(PAYLOADS[kind], *payload))
 
 
 def unpack(frame):
     """A Frame; ValueError where version, kind, length or CRC are wrong."""
-    if len(frame) < HEAD.size + 4:
-        raise ValueError(f"frame has {len(frame)} bytes")
-    version, kind, flags, session, sequence, answers = HEAD.unpack_from(frame)
-    payload, crc = frame[HEAD.size : -4], struct.unpack("<I", frame[-4:])[0]
-    if version != 1 or struct.calcsize(PAYLOADS.get(kind, "0s")) != len(payload) or crc != zlib.crc32(frame[:-4]):
+    version, kind, *header = HEAD.unpack_from(frame.ljust(HEAD.size, b"\0"))
+    if version != 1 or LENGTHS.get(kind) != len(frame) or sealed(frame[:-4]) != frame:
         raise ValueError(f"frame of kind {kind} with {len(frame)} bytes is wrong")
-    return Frame(kind, flags, session, sequence, answers, struct.unpack(PAYLOADS[kind], payload))
+    return Frame(kind, *header, struct.unpack(PAYLOADS[kind], frame[HEAD.size : -4]))
 
 
-def cobs_encode(data):
-    """COBS (Cheshire and Baker 1999), without the 0 that ends a frame."""
-    return stuffed(data)[:-1]
+def stuffed(data):
+    """By COBS (Cheshire and Baker 1999): each run without zeros behind its length + 1, and the 0 that ends a frame."""
+    coded = b""
+    for run in (data + b"\0").split(b"\0")[:-1]:
+        while len(run) >= 254:  # the 0 after 254 bytes is none
+            coded, run = coded + b"\xff" + run[:254], run[254:]
+        coded += bytes([len(run) + 1]) + run
+    return coded + b"\0"
 
 
-def cobs_decode(coded):
-    """The bytes that were coded; ValueError where it is not COBS."""
-    data, place = bytearray(), 0
+def unstuffed(coded):
+    """What a frame by COBS, without its 0, stands for; ValueError where it is not COBS."""
+    data, place = b"", 0
     while place < len(coded):
         distance = coded[place]
         piece = coded[place + 1 : place + distance]
@@ -104,7 +110,7 @@ def cobs_decode(coded):
             raise ValueError("not COBS")
         place += distance
         data += piece + (b"\0" if distance < 255 and place < len(coded) else b"")
-    return bytes(data)
+    return data
 
 
 class UdpHost:
@@ -117,7 +123,7 @@ class UdpHost:
 
     def send(self, kind, *payload, flags=0):
         """Sends the next frame of this session; returns its sequence."""
-        self.sequence = (self.sequence + 1) & 0xFFFFFFFF
+        self.sequence += 1
         self.send_bytes(pack(kind, self.session, self.sequence, *payload, flags=flags))
         return self.sequence
 
@@ -173,7 +179,7 @@ class SerialHost(UdpHost):
             data = data[os.write(self._socket, data) :]
 
     def send_bytes(self, frame):
-        self.write(cobs_encode(frame) + b"\0")
+        self.write(stuffed(frame))
 
     def frames(self, patience):
         """Frames that come within this time [s]; what is none is left out, as the protocol wants."""
@@ -182,7 +188,7 @@ class SerialHost(UdpHost):
             while b"\0" in self._held:
                 coded, self._held = self._held.split(b"\0", 1)
                 try:
-                    frame = unpack(cobs_decode(coded))
+                    frame = unpack(unstuffed(coded))
                 except ValueError:
                     continue
                 yield frame

@@ -62,7 +62,7 @@ static void obey(haptic_page *page)
 {
     char line[512];
     haptic_command c;
-    long long a, b, n[5], estimate = 0;
+    long long a, b, n[5];
     double d[3];
     memset(&c, 0, sizeof c);
     while (fgets(line, sizeof line, stdin)) {
@@ -82,15 +82,10 @@ static void obey(haptic_page *page)
             }
         } else if (sscanf(line, "torn %lld", &a) == 1) {
             printf("%lld", torn(page, (int)a));
-        } else if (sscanf(line, "p99 %lld", &a) == 1) {
-            printf("%lld", estimate = haptic_p99(estimate, a));
         } else if (sscanf(line, "watchdog %lld %lld", &a, &b) == 2) {
             printf("%d", haptic_motor_watchdog(1000, 1000 + a, b));
         } else if (strncmp(line, "present", 7) == 0) {
             printf("%d", haptic_servo_present(page));
-        } else if (strncmp(line, "close", 5) == 0) {
-            haptic_close(page);
-            haptic_close(page);
         } else {
             printf("what is %s", line);
         }

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The bridge between a driver and the reference device as processes, over a cable that can be pulled out: what ends,
+"""The bridge between a driver and the reference device as processes, on a line that can be pulled out: what ends,
 comes back or stands still is said, and works again. What the motor does meanwhile is judged in lock-step.
 """
 
@@ -43,10 +43,10 @@ class Program:
         self.process.stdin.write(line + "\n")
         self.process.stdin.flush()
 
-    def told(self, order="tell"):
-        """What it answers."""
+    def order(self, order):
+        """Says it, and waits until it is done."""
         self.say(order)
-        return json.loads(self.process.stdout.readline())
+        self.process.stdout.readline()
 
     def end(self):
         self.process.send_signal(signal.SIGCONT)
@@ -56,7 +56,7 @@ class Program:
 
 
 class Rig:
-    """Device, cable, bridge and driver: a wall that the hand presses the handle into."""
+    """Device, bridge and driver, and a cable on a serial line: a wall that the hand presses the handle into."""
 
     def __init__(self, kind, folder, nodes, ear):
         self.kind, self.ear, self._folder, self._nodes = kind, ear, folder, nodes
@@ -64,10 +64,11 @@ class Rig:
         described = load_device(DEVICES[kind])
         hand = {parameter.name: parameter.default for parameter in LOOPBACK} | HAND
         self._config.write_text(reference_device.config_of(described, hand))
-        self.device, self._port = None, 0
+        self.device, self.cable, self._port = None, None, 0
         self.start_device()
-        ends = ("udp", 0, self._port) if kind == "udp" else ("serial", folder / "line", self._where)
-        self.cable = Program(sys.executable, CABLE, *ends)
+        if kind == "serial":
+            self._port = folder / "line"
+            self.cable = Program(sys.executable, CABLE, self._port, self._where)
         self.start("haptic_bridge")
         self.start("haptic_driver")
 
@@ -83,7 +84,7 @@ class Rig:
 
     def start(self, name):
         """A node that has ended, or never ran."""
-        given = {"device": DEVICES[self.kind]} | (DRIVER if name == "haptic_driver" else {"port": self.cable.line})
+        given = {"device": DEVICES[self.kind]} | (DRIVER if name == "haptic_driver" else {"port": str(self._port)})
         self._nodes.running.pop(name, None)
         self._nodes.start(name, **given)
 
@@ -98,7 +99,7 @@ class Rig:
     @property
     def address(self):
         """Where the device is, as the bridge says it."""
-        return f"UDP 127.0.0.1:{self.cable.line}" if self.kind == "udp" else self.cable.line
+        return f"UDP 127.0.0.1:{self._port}" if self.kind == "udp" else str(self._port)
 
     def motor(self):
         """Force on x [N] of each change that the device has logged."""
@@ -124,8 +125,9 @@ class Rig:
         self.ear.cleared()
 
     def close(self):
-        self.cable.end()
         self.device.end()
+        if self.cable is not None:
+            self.cable.end()
 
 
 @pytest.fixture(scope="module", params=list(DEVICES))
@@ -153,10 +155,10 @@ def test_a_bridge_that_ends_is_a_silent_device_and_the_driver_works_with_the_nex
 def test_a_line_that_is_unplugged_and_plugged_in_again_is_opened_again_at_the_same_path(rig):
     rig.serves()
     before = rig.counted("sessions"), rig.counted("reopened")
-    rig.cable.told("close")
+    rig.cable.order("close")
     rig.falls("device_silent")
-    rig.bridge_says(ERROR, f"port {rig.cable.line} cannot be opened: No such file or directory")
-    rig.cable.told("open")
+    rig.bridge_says(ERROR, f"port {rig.address} cannot be opened: No such file or directory")
+    rig.cable.order("open")
     rig.serves()
     assert rig.counted("sessions") > before[0] and rig.counted("reopened") == before[1] + 1
 

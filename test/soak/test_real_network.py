@@ -71,7 +71,7 @@ def link(start, last_lines):
     with contextlib.ExitStack() as stack:
         try:
             joined, is_what = stack.enter_context(network), "two namespaces"
-        except bad_link.NoNamespacesError as reason:
+        except OSError as reason:
             joined, is_what = Relayed(start), f"a relay, because {reason}"
         last_lines.append(f"network: {is_what}")
         yield joined

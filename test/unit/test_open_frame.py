@@ -3,17 +3,16 @@
 
 import math
 import struct
-import subprocess
-import sys
 
-import link_device as page
+import link_device
+import link_frames as page
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
-from link_device import COMMAND, GREETING, HELLO, MS, SAMPLE, TRUTH, Device, Host, acquainted, packed, sample, unpacked
-from pydantic import ValidationError
+from link_device import MS, Device, Host, acquainted, sample
+from link_frames import COMMAND, HELLO, LENGTHS, PAYLOADS, SAMPLE, TRUTH, pack, stuffed, unpack, unstuffed
 
 from haptic_device.device import simulated_device
 from haptic_device.link import codec, open_serial, open_state, open_udp
@@ -26,10 +25,14 @@ def hosts():
     return Host(open_udp.codec(None, None))
 
 
-def begun(host=None):
+def begun():
     """A host that has said hello, and its session."""
-    host = host or hosts()
-    return host, unpacked(host.say(codec.OPENED, BEGIN))[2]
+    host = hosts()
+    return host, unpack(host.say(codec.OPENED, BEGIN)).session
+
+
+def greeting(session, sequence=1, **told):
+    return pack(page.GREETING, session, sequence, *link_device.greeting(**told))
 
 
 def ready(**told):
@@ -45,44 +48,51 @@ def refuses(host, data, now):
     return host.hear(data, now) is None and (host.state == before).all()
 
 
-def exchanged(host, device, now, motor=(0.1, 0.2, 0.0), late=0):
-    """A command and its sample, `late` [ns] after its deadline; the answer, and the deadline."""
+def asked(host, device, now):
+    """A command on its way; what answers it, and the deadline in the device's clock."""
+    frame = unpack(host.write(now, now + MS))
+    return {"answers": frame.sequence}, frame.payload[0]
+
+
+def answered(host, frame, now):
+    """Whether this tells a sample."""
+    answer = host.hear(frame, now)
+    return answer is not None and answer[codec.KIND] == codec.SAMPLE
+
+
+def exchanged(host, device, now):
+    """A command and its sample; the answer, and the deadline."""
     deadline = now + MS
-    device.hear(host.write(now, deadline, motor), now + 30_000)
-    told = [host.hear(reply, deadline + late + 100_000) for reply in device.run(deadline + late)]
+    device.hear(host.write(now, deadline, (0.1, 0.2, 0.0)), now + 30_000)
+    told = [host.hear(reply, deadline + 100_000) for reply in device.run(deadline)]
     return [answer for answer in told if answer is not None][0], deadline
 
 
 # the session
 
 
-def test_a_line_gets_a_hello_in_a_session_of_its_own():
+def test_hello_is_said_each_50_ms_in_a_session_of_its_own_until_the_device_greets():
     host, other = hosts(), hosts()
-    sessions = {unpacked(other.say(codec.IDLE, BEGIN))[2]}  # a first look begins one too
+    sessions = {unpack(other.say(codec.IDLE, BEGIN)).session}  # a first look begins one too
     for _ in range(100):
-        kind, flags, session, sequence, answers, payload = unpacked(host.say(codec.OPENED, BEGIN))
-        assert (kind, flags, sequence, answers, payload) == (HELLO, 0, 1, 0, b"")
+        kind, flags, session, sequence, answers, payload = unpack(host.say(codec.OPENED, BEGIN))
+        assert (kind, flags, sequence, answers, payload) == (HELLO, 0, 1, 0, ())
         sessions.add(session)
     assert len(sessions) == 101 and 0 not in sessions
-
-
-def test_hello_is_said_each_50_ms_in_the_same_session_until_the_device_greets():
-    host, session = begun()
     said = [(i * 5, host.say(codec.IDLE, BEGIN + i * 5 * MS)) for i in range(1, 41)]
     assert [time for time, data in said if data] == [50, 100, 150, 200]
-    assert [unpacked(data)[2:4] for _, data in said if data] == [(session, 2), (session, 3), (session, 4), (session, 5)]
+    assert [unpack(data)[2:4] for _, data in said if data] == [(session, i) for i in (2, 3, 4, 5)]
     assert not host.write(BEGIN, BEGIN + MS) and not host.write(BEGIN, BEGIN + MS, event=codec.CUT)
     early = BEGIN + 200 * MS + 47_500_000  # half of what lies between two looks
     assert not host.say(codec.IDLE, early - 1) and host.say(codec.IDLE, early)
 
 
-def test_what_the_device_says_of_itself_is_told():
+def test_what_the_device_says_of_itself_is_told_until_the_line_is_opened_anew():
     host, device, _ = ready(axes=3, bits=16, features=1, least=200_000, watchdog=20 * MS)
-    told = [host.state[word] for word in (codec.AXES, codec.FIRMWARE, codec.PERIOD_LEAST, codec.WATCHDOG)]
-    assert told == [3, 0x010203, 200_000, 20 * MS]
-    assert host.state[codec.SIMULATED] == 1 and host.state[codec.SESSIONS] == 1
-    host.say(codec.OPENED, BEGIN)
     words = codec.AXES, codec.FIRMWARE, codec.PERIOD_LEAST, codec.WATCHDOG, codec.SIMULATED, codec.READY
+    assert [host.state[word] for word in words] == [3, 0x010203, 200_000, 20 * MS, 1, 1]
+    assert host.state[codec.SESSIONS] == 1
+    host.say(codec.OPENED, BEGIN)
     assert [host.state[word] for word in words] == [0] * 6
 
 
@@ -91,7 +101,6 @@ def test_a_greeting_of_nonsense_or_of_another_session_is_refused_and_one_within_
         ({"axes": 0}, {"axes": 1}),
         ({"axes": 4}, {"axes": 3}),
         ({"bits": 24}, {"bits": 16}),
-        ({"bits": 0}, {"bits": 32}),
         ({"least": 0}, {"least": 1}),
         ({"least": 10 * MS + 1}, {"least": 10 * MS}),
         ({"watchdog": 0}, {"watchdog": 1}),
@@ -100,69 +109,41 @@ def test_a_greeting_of_nonsense_or_of_another_session_is_refused_and_one_within_
         ({"largest": (1, math.inf, 1)}, {"largest": (1, 1e30, 1)}),
     ):
         host, session = begun()
-        assert refuses(host, packed(GREETING, session, 1, page.greeting(**wrong)), BEGIN), wrong
-        assert refuses(host, packed(GREETING, session ^ 1, 1, page.greeting()), BEGIN)
-        host.hear(packed(GREETING, session, 1, page.greeting(**right)), BEGIN)
+        assert refuses(host, greeting(session, **wrong), BEGIN), wrong
+        assert refuses(host, greeting(session ^ 1), BEGIN)
+        host.hear(greeting(session, **right), BEGIN)
         assert (host.state[codec.REFUSED], host.state[codec.SESSIONS]) == (2, 1)
-
-
-def test_what_hosts_say_and_frames_of_another_version_are_refused():
-    host, device, now = ready(features=1)
-    for kind, length in page.LENGTHS.items():
-        version = 2 if kind in (GREETING, SAMPLE, page.CLOCK_ANSWER, TRUTH) else 1
-        assert refuses(host, packed(kind, device.session, 2**30, bytes(length - 20), version=version), now)
-
-
-def test_the_clock_is_asked_ten_times_in_100_ms_and_then_each_20_ms():
-    host, session = begun()
-    host.hear(packed(GREETING, session, 1, page.greeting()), BEGIN)
-    times = []
-    for i in range(60):
-        now = BEGIN + i * 5 * MS
-        host.hear(packed(SAMPLE, session, i + 2, sample(now, now)), now)
-        if data := host.say(codec.IDLE, now):
-            kind, _, _, _, _, payload = unpacked(data)
-            assert kind == page.CLOCK and struct.unpack("<q", payload) == (now,)
-            times.append(i * 5)
-    assert times[:10] == list(range(0, 100, 10)) and times[10:] == list(range(110, 300, 20))
 
 
 def test_silence_of_100_ms_begins_another_session_and_less_does_not():
     host, device, now = ready()
-    session, heard = device.session, host.state[open_state.HEARD]
-    assert unpacked(host.say(codec.IDLE, heard + 100 * MS))[0] == page.CLOCK
-    kind, _, other, sequence, _, _ = unpacked(host.say(codec.IDLE, heard + 100 * MS + 1))
-    assert (kind, sequence) == (HELLO, 1) and other != session
+    heard = host.state[open_state.HEARD]
+    assert unpack(host.say(codec.IDLE, heard + 100 * MS)).kind == page.CLOCK
+    kind, _, other, sequence, _, _ = unpack(host.say(codec.IDLE, heard + 100 * MS + 1))
+    assert (kind, sequence) == (HELLO, 1) and other != device.session
     assert host.state[codec.READY] == 0 and not host.write(now, now + MS)
 
 
-def test_frames_before_the_greeting_are_left_alone():
+def test_frames_before_the_greeting_and_truths_before_the_clock_is_known_are_left_alone():
     host, session = begun()
-    assert host.hear(packed(SAMPLE, session, 1, sample(BEGIN, BEGIN)), BEGIN) is None
-    assert host.state[codec.REFUSED] == 0
-    assert host.hear(packed(SAMPLE, session, 3, sample(BEGIN, BEGIN)), BEGIN) is None
+    for sequence in (1, 3):
+        assert host.hear(pack(SAMPLE, session, sequence, *sample(BEGIN, BEGIN)), BEGIN) is None
     for sequence in (2, 4):  # it was overtaken; said again it is no other session
-        host.hear(packed(GREETING, session, sequence, page.greeting()), BEGIN)
-        assert (host.state[codec.SESSIONS], host.state[codec.REFUSED]) == (1, 0)
+        host.hear(greeting(session, sequence, features=1), BEGIN)
+        assert host.state[codec.SESSIONS] == 1
+    assert host.hear(pack(TRUTH, session, 5, 0, *[0.0] * 19), BEGIN) is None
+    assert host.state[codec.REFUSED] == 0
 
 
-def test_a_frame_that_comes_twice_or_late_is_refused():
+def test_a_frame_that_comes_twice_or_late_or_is_of_another_version_or_what_hosts_say_is_refused():
     host, device, now = ready(features=1)
     late, frame = truth(device, now), truth(device, now)
     assert host.hear(frame, now) is not None
     assert refuses(host, frame, now) and refuses(host, late, now)
-
-
-def test_another_session_knows_nothing_of_the_clock_nor_the_commands_of_the_one_before():
-    host, device, now = ready()
-    for _ in range(5):
-        header, deadline = asked(host, device, now)
-    device = Device(AHEAD + 10**12)
-    now = met_again(host, device, now + 200 * MS)
-    assert (host.state[codec.REFUSED], host.state[codec.CLOCK_STEPS]) == (0, 0)
-    content = sample(deadline, deadline)
-    assert host.hear(device.frame(SAMPLE, content, **header), now) is None and host.state[codec.REFUSED] == 1
-    assert abs(asked(host, device, now)[1] - device.clock(now + MS)) <= 1000
+    for kind in PAYLOADS:
+        payload = struct.unpack(PAYLOADS[kind], bytes(LENGTHS[kind] - 20))
+        version = 2 if kind in (page.GREETING, SAMPLE, page.CLOCK_ANSWER, TRUTH) else 1
+        assert refuses(host, pack(kind, device.session, 2**30, *payload, version=version), now), kind
 
 
 # commands
@@ -170,14 +151,16 @@ def test_another_session_knows_nothing_of_the_clock_nor_the_commands_of_the_one_
 
 def test_a_command_has_the_deadline_in_the_clock_of_the_device_and_the_next_sequence():
     host, device, now = ready()
-    kind, flags, session, sequence, answers, payload = unpacked(host.write(now, now + MS, (0.25, -0.5, 0.75), 500_000))
-    deadline, period, *motor = struct.unpack("<qI3f", payload)
+    kind, flags, session, sequence, answers, payload = unpack(host.write(now, now + MS, (0.25, -0.5, 0.75), 500_000))
     assert (kind, flags, session, answers) == (COMMAND, 1, device.session, 0)
-    assert abs(deadline - device.clock(now + MS)) <= 1000
-    assert (period, motor) == (500_000, [0.25, -0.5, 0.0])  # of two axes
+    assert abs(payload[0] - device.clock(now + MS)) <= 1000
+    assert payload[1:] == (500_000, 0.25, -0.5, 0.0)  # of two axes
     assert host.say(codec.DUE, now + MS) == b""  # a deadline asks for nothing
-    following = [unpacked(host.write(now, now + MS, engaged=0)) for _ in range(3)]
+    following = [unpack(host.write(now, now + MS, engaged=0)) for _ in range(3)]
     assert [frame[1:4:2] for frame in following] == [(0, sequence + i) for i in (1, 2, 3)]
+    for wrong in (math.nan, math.inf, -math.inf, 1e39):  # no float: none of them acts
+        assert unpack(host.write(now, now + MS, (1.0, wrong, 0.0))).payload[2:] == (0, 0, 0)
+    assert unpack(host.write(now, now + MS, (1.0, 3e38, 0.0))).payload[2:] == (1.0, np.float32(3e38), 0)
 
 
 def test_a_cut_is_a_command_without_motor_and_not_engaged_of_a_period_that_the_device_takes():
@@ -185,58 +168,26 @@ def test_a_cut_is_a_command_without_motor_and_not_engaged_of_a_period_that_the_d
         host, device, now = ready(least=2 * MS)
         if written:
             host.write(now, now + written, (1.0, 1.0, 1.0), written)
-        kind, flags, _, _, _, payload = unpacked(host.say(codec.CUT, now))
-        deadline, period, *motor = struct.unpack("<qI3f", payload)
-        assert (kind, flags, period, motor) == (COMMAND, 0, told, [0, 0, 0])
-        assert abs(deadline - device.clock(now + told)) <= 1000
-
-
-def test_a_motor_value_that_is_no_float_makes_all_of_them_zero():
-    host, device, now = ready()
-    wrong = [((1.0, value, 0.0), [0, 0, 0]) for value in (math.nan, math.inf, -math.inf, 1e39)]
-    for motor, sent in [*wrong, ((1.0, 3e38, 0.0), [1.0, np.float32(3e38), 0])]:
-        assert list(struct.unpack("<qI3f", unpacked(host.write(now, now + MS, motor))[5])[2:]) == sent
-
-
-def test_targets_go_to_simulated_devices_only():
-    host, device, now = ready(features=1)
-    device.hear(host.write(now, 0, (0.1, 0.2, 0.3), event=codec.TARGET), now)
-    assert device.targets == [(0.1, 0.2, 0.3)]
-    assert not host.write(now, 0, (0.1, math.nan, 0.3), event=codec.TARGET)
-    host, device, now = ready()
-    assert not host.write(now, 0, (0.1, 0.2, 0.3), event=codec.TARGET)
+        kind, flags, _, _, _, payload = unpack(host.say(codec.CUT, now))
+        assert (kind, flags, *payload[1:]) == (COMMAND, 0, told, 0, 0, 0)
+        assert abs(payload[0] - device.clock(now + told)) <= 1000
 
 
 # samples
 
 
-@pytest.mark.parametrize("late", [0, 1, 700_000])
+@pytest.mark.parametrize("late", [0, 700_000])
 def test_a_sample_is_of_its_deadline_and_as_late_as_it_says_and_all_that_it_has_is_told(late):
     host, device, now = ready()
     header, deadline = asked(host, device, now)
     assert host.state[codec.TEMPERATURE] == codec.NO_TEMPERATURE
     content = sample(deadline, deadline + late, 0, (5, -7, 9), -125, (0.5, -1.5, 2.0))
     answer = host.hear(device.frame(SAMPLE, content, flags=2 | 4 | 8 | 16 | 32 | 128, **header), now + 2 * MS)
-    assert (answer[codec.KIND], answer[codec.DEADLINE], answer[codec.LATCHED]) == (
-        codec.SAMPLE,
-        now + MS,
-        now + MS + late,
-    )
+    told = [answer[word] for word in (codec.KIND, codec.DEADLINE, codec.LATCHED, codec.STATUS)]
+    assert told == [codec.SAMPLE, now + MS, now + MS + late, 190]
     assert list(answer[codec.COUNTS : codec.COUNTS + 3]) == [5, -7, 0]  # of two axes
     assert list(answer.view(np.float64)[codec.DRAG : codec.DRAG + 3]) == [0.5, -1.5, 2.0]
-    assert (answer[codec.STATUS], host.state[codec.TEMPERATURE]) == (190, -125)
-
-
-def asked(host, device, now):
-    """A command on its way; the session, the device's next sequence, and what a sample of it has to echo."""
-    data = host.write(now, now + MS)
-    return dict(answers=unpacked(data)[3]), struct.unpack("<q", unpacked(data)[5][:8])[0]
-
-
-def answered(host, frame, now):
-    """Whether this tells a sample."""
-    answer = host.hear(frame, now)
-    return answer is not None and answer[codec.KIND] == codec.SAMPLE
+    assert host.state[codec.TEMPERATURE] == -125
 
 
 def test_a_sample_that_does_not_echo_what_was_announced_or_cannot_be_is_refused_and_leaves_all_as_it_was():
@@ -250,31 +201,19 @@ def test_a_sample_that_does_not_echo_what_was_announced_or_cannot_be_is_refused_
         (deadline, deadline, answers + 1, {}),  # answers what was not asked
         (deadline, deadline, answers - 1, {}),  # answers a question for the clock
         (0, 0, answers - 1, {}),
-        (deadline, deadline + 2_000 * MS, answers, {}),
         (deadline, deadline + 20 * MS, answers, {}),  # has not been yet
         (-(2**63), 2**63 - 1, answers, {}),
         (2**63 - 1, -(2**63), 0, {}),
         (deadline + 100 * MS, deadline + 100 * MS, 0, {}),
         (deadline - 2_000 * MS, deadline - 2_000 * MS, 0, {}),
-        (deadline, deadline, answers, {"drag": (0, math.nan, 0)}),
-        (deadline, deadline, answers, {"drag": (math.inf, 0, 0)}),
+        (deadline, deadline, answers, {"drag": (math.inf, math.nan, 0)}),
         (deadline, deadline, answers, {"counts": (2**15, 0, 0)}),  # of 16 bits
     ):
         frame = device.frame(SAMPLE, sample(echo, latched, **wrong), answers=answer)
         assert refuses(host, frame, now + 2 * MS), (echo, latched, answer, wrong)
     right = {"counts": (2**15 - 1, -(2**15), 0), "drag": (1e30, 0, 0)}
     assert answered(host, device.frame(SAMPLE, sample(deadline, deadline, **right), **header), now + 2 * MS)
-
-
-def test_a_command_is_answered_once_and_within_64_frames():
-    host, device, now = ready()
-    for others, taken in ((63, True), (64, False)):
-        header, deadline = asked(host, device, now)
-        for _ in range(others):
-            host.write(now, now + 9 * MS)
-        for told in (taken, False):
-            assert answered(host, device.frame(SAMPLE, sample(deadline, deadline), **header), now + 2 * MS) == told
-        now += 20 * MS
+    assert host.state[codec.DELAY] == 0  # the device has applied nothing yet
 
 
 @pytest.mark.parametrize("bits", [16, 32])
@@ -286,79 +225,34 @@ def test_counters_that_wrap_are_unwrapped_also_in_the_next_session_of_the_line(b
         answer, deadline = exchanged(host, device, now)
         assert answer[codec.COUNTS] == count
         now = deadline + 300_000
-    now = met_again(host, device, now + 200 * MS)
-    assert exchanged(host, device, now)[0][codec.COUNTS] == count
-    now = acquainted(host, device, now + 200 * MS)  # a new line: nothing is known of a device on it
-    assert exchanged(host, device, now)[0][codec.COUNTS] == count - 2**bits
-
-
-def met_again(host, device, now):
-    """As acquainted, on the same line after a silence, which ends now; the first hello is lost."""
-    assert unpacked(host.say(codec.IDLE, now))[0] == HELLO
-    while not host.state[codec.READY]:
-        now += 5 * MS
-        sent = host.say(codec.IDLE, now)
-        for reply in (device.hear(sent, now) if sent else []) + device.run(now):
-            host.hear(reply, now)
-    return now + 5 * MS
+    for event, known in ((codec.IDLE, count), (codec.OPENED, count - 2**bits)):  # of a new line nothing is known
+        now = acquainted(host, device, now + 200 * MS, event)
+        answer, now = exchanged(host, device, now)
+        assert answer[codec.COUNTS] == known
 
 
 def test_samples_that_nobody_asked_for_are_placed_by_the_clock_and_never_after_now():
     host, device, now = ready()
-    device.status = 16
-    for i in range(20):
-        time = now + i * MS
-        told = host.hear(device.frame(SAMPLE, sample(device.clock(time), device.clock(time)), flags=18), time + 500)
+
+    def unasked(place):
+        return host.hear(device.frame(SAMPLE, sample(place, place), flags=18), now)
+
+    for _ in range(20):
+        now += MS
+        told = unasked(device.clock(now - 500))
         assert told[codec.DEADLINE] == 0 and told[codec.STATUS] == 18
-        assert abs(told[codec.LATCHED] - time) <= 1000 and told[codec.LATCHED] <= time + 500
+        assert abs(told[codec.LATCHED] - now + 500) <= 1000 and told[codec.LATCHED] <= now
+    assert unasked(device.clock(now + 10 * MS + 1000)) is None and host.state[codec.REFUSED] == 1
+    assert unasked(device.clock(now + 10 * MS - 1000))[codec.LATCHED] == now
 
 
-def test_no_unasked_sample_is_fresh_for_a_deadline_until_that_is_answered_or_long_past():
+def test_a_sample_that_does_not_answer_is_fresh_for_a_deadline_only_two_periods_after_it():
     host, device, now = ready()
-    header, announced = asked(host, device, now)
-    deadline, place = now + MS, device.clock(now + MS + 300_000)
-    told = host.hear(device.frame(SAMPLE, sample(place, place)), deadline + 400_000)
-    assert told[codec.LATCHED] == deadline - 1
-    own = host.hear(device.frame(SAMPLE, sample(announced, announced + 400_000), **header), deadline + 500_000)
-    assert own[codec.LATCHED] == deadline + 400_000
-    place += 300_000
-    told = host.hear(device.frame(SAMPLE, sample(place, place)), deadline + 700_000)
-    assert abs(told[codec.LATCHED] - deadline - 600_000) < 1000
-    deadline = asked(host, device, deadline + MS) and deadline + 2 * MS
-    for after, fresh in ((2 * MS - 1, False), (2 * MS, True)):  # two periods
-        place = device.clock(deadline + after)
-        told = host.hear(device.frame(SAMPLE, sample(place, place)), deadline + after)
-        assert (told[codec.LATCHED] >= deadline) == fresh
-
-
-def test_an_unasked_sample_from_what_seems_to_come_is_of_now_and_one_too_far_ahead_is_refused():
-    host, device, now = ready()
-    for ahead in (10 * MS + 1000, 10 * MS - 1000):
-        place = device.clock(now + ahead)
-        told = host.hear(device.frame(SAMPLE, sample(place, place)), now)
-    assert host.state[codec.REFUSED] == 1 and told[codec.LATCHED] == now
-
-
-def test_the_answer_to_an_older_command_makes_no_other_sample_fresh_for_the_newer_one():
-    host, device, now = ready()
-    header, older = asked(host, device, now)
-    asked(host, device, now + 500_000)
-    assert host.hear(device.frame(SAMPLE, sample(older, older), **header), now + MS + 100_000) is not None
-    place = device.clock(now + 1_700_000)
-    told = host.hear(device.frame(SAMPLE, sample(place, place)), now + 1_700_000)
-    assert told[codec.LATCHED] == now + 1_500_000 - 1
-
-
-def test_times_of_samples_never_go_back():
-    host, device, now = ready()
-    (header, first), (other, second) = asked(host, device, now), asked(host, device, now + 1000)
-    told = [
-        host.hear(device.frame(SAMPLE, sample(first, first + 900_000), **header), now + 2 * MS),
-        host.hear(device.frame(SAMPLE, sample(second, second), **other), now + 2 * MS),
-    ]
-    assert told[1][codec.LATCHED] == told[0][codec.LATCHED] + 1
-    assert host.hear(device.frame(SAMPLE, sample(first, first)), now + 2 * MS) is None
-    assert host.state[codec.REFUSED] == 0
+    asked(host, device, now)
+    for after, fresh in ((2 * MS - 1, False), (2 * MS, True)):
+        then, place = now + MS + after, device.clock(now + MS + after)
+        told = host.hear(device.frame(SAMPLE, sample(place, place)), then)
+        assert (told[codec.LATCHED] >= now + MS) == fresh
 
 
 def test_lost_are_the_commands_that_came_due_without_a_sample():
@@ -369,21 +263,12 @@ def test_lost_are_the_commands_that_came_due_without_a_sample():
     assert host.state[codec.LOST] == 0
     exchanged(host, device, now + 8 * MS)
     assert host.state[codec.LOST] == 3
-    for _ in range(5):  # cuts, one after the other: only the last one has a sample
-        device.hear(host.say(codec.CUT, now + 10 * MS), now + 10 * MS)
-    assert [host.hear(reply, now + 12 * MS) is None for reply in device.run(now + 11 * MS)] == [False]
-    assert host.state[codec.LOST] == 3
-    for i in range(4):
-        host.write(now + (12 + 2 * i) * MS, now + (13 + 2 * i) * MS)
-    host.say(codec.IDLE, now + 200 * MS)
-    assert host.state[codec.LOST] == 6  # the last one could have been on its way
 
 
 def test_delay_is_the_time_from_the_write_to_the_effect_and_fades():
     host, device, now = ready()
-    ways = [30_000] * 3 + [400_000] + [30_000] * 300
     delays = []
-    for way in ways:
+    for way in [30_000] * 3 + [400_000] + [30_000] * 300:
         deadline = now + MS
         device.hear(host.write(now, deadline), now + way)
         for reply in device.run(deadline):
@@ -397,67 +282,28 @@ def test_delay_is_the_time_from_the_write_to_the_effect_and_fades():
     assert host.state[codec.CLOCK_ERROR] >= 30_000  # half of the least round trip
 
 
-def test_a_device_whose_clock_has_just_begun_tells_no_delay_before_its_first_command():
-    host, device = hosts(), Device(-BEGIN)
-    now = acquainted(host, device, BEGIN)
-    header, deadline = asked(host, device, now)
-    assert answered(host, device.frame(SAMPLE, sample(deadline, deadline, applied=0), **header), now + 2 * MS)
-    assert host.state[codec.DELAY] == 0
-
-
-def test_the_round_trip_is_the_median_and_the_skew_that_of_the_clock():
-    host, device = hosts(), Device(AHEAD, 30e-6)
-    now = acquainted(host, device, BEGIN, way=40_000)
-    for i in range(200):
-        now += 20 * MS
-        for reply in device.hear(host.say(codec.IDLE, now), now + 40_000):
-            host.hear(reply, now + (900_000 if i % 5 == 0 else 80_000))
-    assert host.state[codec.ROUND_TRIP] == 80_000
-    assert host.state[codec.SKEW] == pytest.approx(30_000, abs=500)
-
-
-def test_a_step_of_the_clock_is_counted_and_deadlines_go_on_in_the_new_one():
-    host, device, now = ready()
-    device.ahead += 200_000
-    for _ in range(12):
-        now += 20 * MS
-        for reply in device.hear(host.say(codec.IDLE, now), now + 30_000):
-            host.hear(reply, now + 60_000)
-        assert host.state[codec.READY] == 1
-    assert host.state[codec.CLOCK_STEPS] == 1
-    _, deadline = asked(host, device, now)
-    assert abs(deadline - device.clock(now + MS)) <= 1000
-
-
 def test_a_clock_answer_to_no_question_or_for_the_second_time_is_refused():
     host, device, now = ready()
-    question = unpacked(host.say(codec.IDLE, now + 20 * MS))
-    time = struct.unpack("<q", question[5])[0]
+    question = unpack(host.say(codec.IDLE, now + 20 * MS))
+    [time] = question.payload
     for asked_at, refused in ((1, True), (-1, True), (0, False), (0, True)):
-        content = struct.pack("<qqq", time + asked_at, *[device.clock(time)] * 2)
-        assert refuses(host, device.frame(page.CLOCK_ANSWER, content, answers=question[3]), now + 21 * MS) == refused
-
-
-def test_what_a_description_may_say_is_read_without_a_compiler():
-    said = "import sys; from haptic_device.link import open_serial, open_udp; sys.exit('numba' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", said]).returncode == 0
-    for options, port in ((open_serial.Options, "/dev/ttyACM0"), (open_udp.Options, 4000)):
-        assert options(port=port).program == "none" and options(port=port, program="reference").program == "reference"
-        with pytest.raises(ValidationError):
-            options(port=port, program="other")
+        content = time + asked_at, *[device.clock(time)] * 2
+        assert (
+            refuses(host, device.frame(page.CLOCK_ANSWER, content, answers=question.sequence), now + 21 * MS) == refused
+        )
 
 
 # truths
 
 
 def truth(device, now, numbers=(0.0,) * 19, **header):
-    return device.frame(TRUTH, struct.pack("<q19d", device.clock(now), *numbers), **header)
+    return device.frame(TRUTH, (device.clock(now), *numbers), **header)
 
 
 def test_truths_come_of_simulated_devices_with_their_fields_in_order():
     host, device, now = ready(features=1)
     numbers = [float(i) for i in range(1, 20)]
-    for flags, told in ((0, (0, 0)), (1, (1, 0)), (2, (0, 1)), (3, (1, 1))):
+    for flags, told in ((0, (0, 0)), (1, (1, 0)), (2, (0, 1))):
         answer = host.hear(truth(device, now, numbers, flags=flags), now)
         assert answer[codec.KIND] == codec.TRUTH
         last = codec.TRUTH_FIRST + codec.TRUTH_WORDS
@@ -472,13 +318,6 @@ def test_truths_come_of_simulated_devices_with_their_fields_in_order():
     assert refuses(host, truth(device, now), now)  # of a device that is none
 
 
-def test_a_truth_before_the_clock_is_known_is_left_alone():
-    host, session = begun()
-    host.hear(packed(GREETING, session, 1, page.greeting(features=1)), BEGIN)
-    assert host.hear(packed(TRUTH, session, 2, struct.pack("<q19d", 0, *[0.0] * 19)), BEGIN) is None
-    assert host.state[codec.REFUSED] == 0
-
-
 # streams
 
 
@@ -488,17 +327,11 @@ def serial():
     now, sent = BEGIN, host.say(codec.OPENED, BEGIN)
     while not host.state[codec.READY]:
         for data in filter(None, sent.split(b"\0")):
-            for reply in device.hear(page.unstuffed(data), now):
-                host.hear(page.stuffed(reply), now)
+            for reply in device.hear(unstuffed(data), now):
+                host.hear(stuffed(reply), now)
         now += 5 * MS
         sent = host.say(codec.IDLE, now)
     return host, device, now
-
-
-def test_frames_on_a_stream_stand_between_zeros():
-    host, device, now = serial()
-    for data, kind in ((host.write(now, now + MS), COMMAND), (host.say(codec.OPENED, now), HELLO)):
-        assert data[0] == data[-1] == 0 and 0 not in data[1:-1] and unpacked(page.unstuffed(data[1:-1]))[0] == kind
 
 
 def test_bytes_without_a_zero_are_kept_up_to_the_longest_frame_and_then_dropped():
@@ -516,7 +349,7 @@ def test_a_stream_in_pieces_with_zeros_and_rubbish_between_gives_each_frame(data
     stream = b""
     for i in range(8):
         time = device.clock(now + i * MS)
-        frame = page.stuffed(device.frame(SAMPLE, sample(time, time, counts=(i + 1, 0, 0))))
+        frame = stuffed(device.frame(SAMPLE, sample(time, time, counts=(i + 1, 0, 0))))
         between = data.draw(st.binary(max_size=300) | st.just(b""))
         stream += b"\0" * data.draw(st.integers(0, 3)) + between + (b"\0" if between else b"") + frame
     kept, told = b"", []
@@ -544,10 +377,10 @@ def test_of_thousands_of_frames_that_were_damaged_none_is_taken_and_each_is_coun
     """One to sixteen bytes changed, or cut short as well; on a stream the zero at the end stays."""
     host, device, now = serial() if stream else ready()
     data = host.write(now, now + MS)
-    command = unpacked(page.unstuffed(data[1:-1]) if stream else data)
-    deadline = struct.unpack("<q", command[5][:8])[0]
-    whole = device.frame(SAMPLE, sample(deadline, deadline, counts=(1, 2, 3)), answers=command[3])
-    whole, end = (page.stuffed(whole)[:-1], b"\0") if stream else (whole, b"")
+    command = unpack(unstuffed(data[1:-1]) if stream else data)
+    deadline = command.payload[0]
+    whole = device.frame(SAMPLE, sample(deadline, deadline, counts=(1, 2, 3)), answers=command.sequence)
+    whole, end = (stuffed(whole)[:-1], b"\0") if stream else (whole, b"")
     random, damaged = np.random.default_rng(0), set()
     for _ in range(3000):
         data = np.frombuffer(whole, np.uint8).copy()
@@ -559,9 +392,14 @@ def test_of_thousands_of_frames_that_were_damaged_none_is_taken_and_each_is_coun
     assert answered(host, whole + end, now + 2 * MS)
 
 
-WHOLE = st.sampled_from(sorted(page.LENGTHS)).flatmap(
-    lambda kind: st.tuples(st.just(kind), st.binary(min_size=page.LENGTHS[kind] - 20, max_size=page.LENGTHS[kind] - 20))
-)
+def contents(kind):
+    """Any payload of this kind."""
+    return st.binary(min_size=LENGTHS[kind] - 20, max_size=LENGTHS[kind] - 20).map(
+        lambda data: (kind, struct.unpack(PAYLOADS[kind], data))
+    )
+
+
+WHOLE = st.sampled_from(sorted(PAYLOADS)).flatmap(contents)
 
 
 @given(st.lists(st.tuples(WHOLE, st.integers(0, 65535), st.integers(0, 70)), max_size=20))
@@ -585,33 +423,32 @@ class Line(RuleBasedStateMachine):
     def __init__(self):
         super().__init__()
         self.host, self.device, self.now = ready()
-        self.to_device, self.to_host, self.old = [], [], []
+        self.to_device, self.to_host = [], []
         self.announced, self.latched = [], -(2**63)  # (deadline, period, sequence, device's deadline)
 
     def send(self, data):
         if not data:
             return
         self.to_device.append(data)
-        kind, _, session, sequence, _, payload = unpacked(data)
+        kind, _, session, sequence, _, payload = unpack(data)
         if kind == HELLO and sequence == 1:
             self.announced = []
         if kind == COMMAND:
-            self.announced.append((*self.command, sequence, struct.unpack("<q", payload[:8])[0]))
+            self.announced.append((*self.command, sequence, payload[0]))
 
     def give(self, data):
         """Gives a frame to the host, and judges what becomes of it."""
         answer = self.host.hear(data, self.now)
         if answer is None or answer[codec.KIND] != codec.SAMPLE:
             return
-        _, _, session, _, answers, payload = unpacked(data)
+        _, _, session, _, answers, payload = unpack(data)
         latched, deadline = answer[codec.LATCHED], answer[codec.DEADLINE]
         assert latched > self.latched, "times of samples never go back"
         self.latched = latched
         assert session == self.host.state[open_state.SESSION]
         assert answer[codec.COUNTS] == session & 0xFFFF, "counts are of this session"
         if deadline:
-            echo = struct.unpack("<q", payload[:8])[0]
-            assert (deadline, answers, echo) in [(one[0], *one[2:]) for one in self.announced]
+            assert (deadline, answers, payload[0]) in [(one[0], *one[2:]) for one in self.announced]
             assert latched >= deadline
         elif self.announced and self.now < self.announced[-1][0] + 2 * self.announced[-1][1]:
             answered = {int(one[codec.DEADLINE]) for one in self.host.heard}
@@ -620,7 +457,6 @@ class Line(RuleBasedStateMachine):
     def flow(self, kept):
         self.device.counts = [self.device.session & 0xFFFF] * 3
         self.to_host += self.device.run(self.now)
-        self.old = (self.old + self.to_host)[-50:]
         if kept:
             while self.to_device:
                 self.to_host += self.device.hear(self.to_device.pop(0), self.now)
@@ -678,15 +514,10 @@ class Line(RuleBasedStateMachine):
     def line_loses(self, lost):
         del self.to_device[:lost], self.to_host[:lost]
 
-    @precondition(lambda self: self.old)
-    @rule(data=st.data())
-    def host_hears_what_is_long_past(self, data):
-        self.give(self.old[data.draw(st.integers(0, len(self.old) - 1))])
-
     @rule(session=st.integers(1, 2**32 - 1), answers=st.integers(0, 100))
     def host_hears_a_stranger(self, session, answers):
         now = self.device.clock(self.now)
-        self.give(packed(SAMPLE, session, 2**31 - 1, sample(now, now, counts=(self.STRAY,) * 3), answers=answers))
+        self.give(pack(SAMPLE, session, 2**31 - 1, *sample(now, now, counts=(self.STRAY,) * 3), answers=answers))
 
     @invariant()
     def a_link_that_is_ready_has_been_greeted(self):

@@ -86,7 +86,8 @@ def test_a_device_on_udp_is_driven_and_cut_to_the_nanosecond(device, tmp_path):
     running = device("--udp", 0, "--log", log, config=config)
     with udp(running) as host:
         greeting = link.greeting(host.greet())
-        assert greeting.name == b"reference" and greeting.largest_motor == (7.5, 15.0, 1.0) and greeting.features == 1
+        assert greeting.name == b"reference" and greeting.largest_motor == (7.5, 15.0, 1.0)
+        assert greeting[5:] == (100_000, 200 * MS, 32, 1) and greeting.counts_per_unit[0] == 2e5
         deadline = host.now() + 100 * MS
         said = host.command(deadline, 5 * MS, (1.0, 0.0, 0.0))
         sample = link.sample(host.until(lambda frame: is_sample(frame) and frame.answers == said))
@@ -103,20 +104,11 @@ def test_a_device_on_udp_is_driven_and_cut_to_the_nanosecond(device, tmp_path):
     assert changes(log) == ([(sample.applied, -2.0), (sample.applied + 200 * MS, 0.0)], [sample.applied])
 
 
-def test_the_last_hello_has_the_device_and_the_motor_is_cut_for_it(device, tmp_path):
-    log = tmp_path / "log"
-    running = device("--udp", 0, "--log", log, config="watchdog 4\n")
-    with udp(running) as host, udp(running, session=99) as second:
-        host.greet()
-        host.command(host.now() + MS, MS, (1.0, 0.0, 0.0))
-        second.greet()
-        assert [force for _, force in changes(log)[0]] == [1.0, 0.0]
-        host.command(second.now() + MS, MS, (1.0, 0.0, 0.0))
-        said = second.command(second.now() + MS)
-        second.until(lambda frame: is_sample(frame) and frame.answers == said)
-        assert {frame.session for frame in host.frames(0.01)} <= {host.session}
-    assert running.end(signal.SIGINT).startswith("frames refused 1, watchdog cuts 0,")
-    assert [force for _, force in changes(log)[0]] == [1.0, 0.0]
+def sampled_exactly(host):
+    """Whether a command of now is answered with a sample of the very deadline."""
+    said = host.command(host.now() + 300 * MS)
+    sample = link.sample(host.until(lambda frame: is_sample(frame) and frame.answers == said))
+    return sample.sampled == sample.deadline
 
 
 def clocks(host):
@@ -125,27 +117,15 @@ def clocks(host):
     return np.array([before, device_time, after])
 
 
-def sampled_exactly(host):
-    """Whether a command of now is answered with a sample of the very deadline."""
-    said = host.command(host.now() + 300 * MS)
-    sample = link.sample(host.until(lambda frame: is_sample(frame) and frame.answers == said))
-    return sample.sampled == sample.deadline
-
-
 def test_a_clock_may_be_off_run_off_and_step(device):
-    running = device("--udp", 0, "--clock-offset-s", -5, "--clock-ppm", 5e4, config="watchdog 1\n")
-    with udp(running) as host:
+    options = "--clock-offset-s", -5, "--clock-ppm", 5e4, "--clock-step-us", -2e6, "--clock-step-at", 0.05
+    with udp(device("--udp", 0, *options, config="watchdog 1\n")) as host:
         host.greet()
+        waiting.until(lambda: clocks(host)[1] < clocks(host)[0] - 5.5e9, "the step")
         first = clocks(host)
-        assert first[1] - first[0] >= -5e9 and sampled_exactly(host)
+        assert first[1] - first[0] >= -7e9 and sampled_exactly(host)
         passed = clocks(host) - first
         assert (passed[0] - first[2] + first[0]) * 1.05 <= passed[1] <= (passed[2] + first[2] - first[0]) * 1.05
-    running = device("--udp", 0, "--clock-step-us", -2e6, "--clock-step-at", 0.05, config="watchdog 1\n")
-    with udp(running) as host:
-        host.greet()
-        waiting.until(lambda: clocks(host)[1] < clocks(host)[0] - 1.9e9, "the step")
-        now = clocks(host)
-        assert now[0] <= now[1] + 2e9 <= now[2] and sampled_exactly(host)
 
 
 def test_inputs_of_a_device_are_set_by_lines(device):
@@ -173,29 +153,12 @@ def test_inputs_of_a_device_are_set_by_lines(device):
     assert "watchdog cuts" in running.end()
 
 
-FOLLOW = "motion follow\nlag 0.005\nhand_damping 8 8 0\nhand_stiffness 500 500 0\nstart 0.01 0 0\n"
 BY_WAYPOINTS = "hand_stiffness 500 500 1\nhand_damping 8 8 0.02\nwaypoint 0 0 0 0 1\nwaypoint 0.05 0.01 0 0 1\n"
 
 
 def told(host, *flags):
     """The next truth, of these flags."""
     return link.truth(host.until(lambda frame: frame.kind == link.TRUTH and frame.flags in (flags or range(4))))
-
-
-def test_a_hand_follows_targets_and_tells_the_truth(device):
-    with udp(device("--udp", 0, config=FOLLOW)) as host:
-        host.greet()
-        first = told(host)
-        assert first.position == first.target == (0.01, 0.0, 0.0)
-
-        def drawn():
-            host.command(host.now() + MS)
-            host.send(link.TARGET, 0.03, -0.01, 0.0)
-            truth = told(host)
-            return abs(truth.position[0] - 0.03) < 1e-4 and truth
-
-        last = waiting.until(drawn, "the handle at its target")
-        assert last.target[1] == pytest.approx(-0.01, abs=1e-3) and last.energy < 0.0 and last.time > first.time
 
 
 def test_a_hand_waits_for_the_display_and_says_when_it_is_done(device):
@@ -240,17 +203,13 @@ def test_a_device_ends_with_its_parent():
 SENTENCES = {  # what is wrong with the settings, or with the options after --udp 0
     "mas 1 1 1": "line 1: mas is no key that is known",
     "axes 2\nmass 1 1": "line 2: mass has 2 numbers; write 3",
-    "mass 1 nought 1": "line 1: mass is 1 nought 1, which is no number",
     "mass 1 nan 1": "line 1: mass is nan kg | kg m2; the limits are 1e-12 and 1e+09",
     "sensing_delay 0.101": "line 1: sensing_delay is 0.101 s; the limits are 0 and 0.1",
-    "axes 2.5": "line 1: axes is 2.5; the limits are 1 and 3",
     "motion jump": "line 1: motion is jump; write waypoints, circle or follow",
     "hand_damping 9999999 0 0": "axis 1 as fast as 1e+08 1/s; the limit is 100000 1/s",
     "waypoint 1 0 0 0 1\nwaypoint 0.5 0 0 0 1": "comes after one at 1 s; write them in the order of their times",
     ("--pty", "/tmp/x"): "write either --udp PORT or --pty LINK",
-    ("--udp", "65536"): "--udp is 65536; write a number from 0 to 65535",
     ("--frob", "1"): "--frob is no option that is known",
-    ("--bind",): "--bind needs a value",
     ("--bind", "nowhere"): "nowhere:0: Invalid argument",
     ("--config", "/nowhere"): "/nowhere: No such file or directory",
 }
@@ -272,17 +231,10 @@ def test_what_is_wrong_is_said_in_a_sentence(tmp_path):
 VALUES = {parameter.name: parameter.default for parameter in LOOPBACK}
 
 
-def test_make_and_the_package_build_the_same_program(monkeypatch, tmp_path):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    program = reference_device.compiled()
-    assert program.parent.parent == tmp_path / "haptic_display" and list(program.parent.iterdir()) == [program]
-    monkeypatch.setenv("CC", "nothing_of_this_name")
-    assert reference_device.compiled() == program  # it is there
+def test_make_builds_the_reference_device(tmp_path):
     copy = shutil.copytree(FIRMWARE, tmp_path / "firmware", ignore=shutil.ignore_patterns("build"))
     subprocess.run(["make", "-s", "-C", str(copy), "CC=gcc"], check=True)
-    for one in (program, copy / "build/reference_device"):
-        done = subprocess.run([one], capture_output=True, text=True, check=False)
-        assert done.stderr == "reference_device: write either --udp PORT or --pty LINK\n"
+    assert (copy / "build/reference_device").is_file()
 
 
 def test_an_installed_package_finds_all_that_it_compiles(monkeypatch, tmp_path):
@@ -317,23 +269,16 @@ def test_without_a_compiler_or_with_one_that_refuses_a_sentence_says_so(monkeypa
     refusing.chmod(0o755)
     with pytest.raises(ValueError, match="^cc does not compile the reference device: x.c:1: error: no$"):
         reference_device.compiled()
-    (tmp_path / "file").touch()
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    with pytest.raises(ValueError, match="^the reference device cannot be compiled: .*Not a directory$"):
-        reference_device.compiled()
 
 
-@pytest.mark.parametrize("script", ["insert_peg", "circle", "waypoints", "follow"])
-def test_a_described_device_is_one_that_the_reference_device_takes(device, script):
-    values = VALUES | {"motion.name": script, "motion.target": (0.04, -0.02, 0.5), "motion.waypoints": (0.01, 0.0, 0.2)}
-    with udp(device("--udp", 0, config=reference_device.config_of(load_device("desktop"), values))) as host:
-        greeting = link.greeting(host.greet())
-    assert greeting.name == b"desktop" and greeting.counts_per_unit == (200000.0, 200000.0, 40000.0)
-    assert greeting.watchdog == 15 * MS
-
-
-def test_any_name_of_a_device_is_told_in_ascii(device):
-    for name, told in (("", b"unnamed"), ("a#b\nc", b"a?b?c"), ("Gerät", b"Ger?t"), ("x" * 25, b"x" * 24)):
+def test_a_described_device_is_one_that_the_reference_device_takes(device):
+    for script in ("insert_peg", "circle", "follow"):
+        values = VALUES | {"motion.name": script, "motion.target": (0.04, -0.02, 0.5)}
+        with udp(device("--udp", 0, config=reference_device.config_of(load_device("desktop"), values))) as host:
+            greeting = link.greeting(host.greet())
+        assert greeting.name == b"desktop" and greeting.counts_per_unit == (200000.0, 200000.0, 40000.0)
+        assert greeting.watchdog == 15 * MS
+    for name, told in (("", b"unnamed"), ("Gerät#" + "x" * 25, b"Ger?t?" + b"x" * 18)):
         described = load_device("desktop").model_copy(update={"name": name})
         with udp(device("--udp", 0, config=reference_device.config_of(described, VALUES))) as host:
             assert link.greeting(host.greet()).name == told
