@@ -5,7 +5,6 @@ Motors, counts and forces are tuples of 3; times are ns of the device's clock.
 """
 
 import itertools
-import os
 import select
 import socket
 import struct
@@ -164,38 +163,3 @@ class UdpHost:
 
     def close(self):
         self._socket.close()
-
-
-class SerialHost(UdpHost):
-    """The same over a terminal, in COBS; file: its descriptor, open for both."""
-
-    def __init__(self, file, session=0x1234ABCD):
-        self.session, self.sequence = session, 0
-        self._socket, self._held = file, b""
-        self.write(b"\0")
-
-    def write(self, data):
-        while data:
-            data = data[os.write(self._socket, data) :]
-
-    def send_bytes(self, frame):
-        self.write(stuffed(frame))
-
-    def frames(self, patience):
-        """Frames that come within this time [s]; what is none is left out, as the protocol wants."""
-        end = time.monotonic() + patience
-        while True:
-            while b"\0" in self._held:
-                coded, self._held = self._held.split(b"\0", 1)
-                try:
-                    frame = unpack(unstuffed(coded))
-                except ValueError:
-                    continue
-                yield frame
-            left = end - time.monotonic()
-            if left <= 0 or not select.select([self._socket], [], [], left)[0]:
-                return
-            self._held += os.read(self._socket, 4096)
-
-    def close(self):
-        os.close(self._socket)

@@ -57,18 +57,6 @@ def found_in_a_few(looks, about):
     return waited <= LOOK and count <= 6
 
 
-def test_at_rest_an_answer_waits_for_less_than_a_look_and_takes_a_few(looks):
-    assert found_in_a_few(looks, 300)
-
-
-def test_of_so_many_answers_one_is_there_at_the_first_look(looks):
-    there = []
-    for trip in trips(300):
-        there.append(trip <= looks.first)
-        looks.find(int(trip))
-    assert np.mean(there) == pytest.approx(1 / SHARE, rel=0.2)
-
-
 def test_answers_that_come_earlier_than_ever_are_found_as_those_before_when_the_steps_have_taken_it_there(looks):
     looks.median(trips(100, 2 * 200 * US // ((SHARE - 1) * STEP)))
     assert found_in_a_few(looks, 100)

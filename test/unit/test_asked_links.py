@@ -72,18 +72,6 @@ def test_a_command_sends_its_torques_and_the_deadline_sends_them_again_and_bring
 
 
 @links
-def test_a_sample_is_never_before_its_deadline_nor_before_the_last_one(link):
-    host, samples = link.opened(), []
-    for ahead in (5 * MS, 0):
-        host.write(0.0, 0.0, ahead=ahead)
-        host.hear(link.reply())
-        host.due()  # before its time
-        samples += host.hear(link.reply(), after=10)
-        assert samples[-1].deadline == host.now + ahead - 10
-    assert samples[0].latched == samples[0].deadline == samples[1].latched
-
-
-@links
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_torque_at_the_limit_is_sent_and_one_above_is_cut_down_and_told(link, sign):
     for limit, constant, most in link.LIMITS:
@@ -105,18 +93,6 @@ def test_a_torque_that_is_no_number_switches_all_motors_off_and_is_counted(link,
         host = link.opened()
         assert host.write(*torques, engaged=0) == link.request(0.0, 0.0)
         assert host.state[codec.REFUSED] == 1
-
-
-@links
-def test_nothing_is_asked_before_the_last_answer_is_there(link):
-    host, answer = link.opened(), link.reply()
-    assert host.write(0.1, 0.1)
-    assert host.due(after=MS) == b"" and host.state[codec.LOST] == 0  # the bridge tries again, and counts
-    assert host.write(0.05, 0.05, after=MS) == host.idle(after=MS) == b""
-    host.hear(answer[:8])
-    assert host.idle(after=MS) == b""
-    host.hear(answer[8:])
-    assert host.idle(after=MS) == link.request(0.05, 0.05)  # what the servo wrote last, as soon as may be
 
 
 @links

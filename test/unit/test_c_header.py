@@ -1,20 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """firmware/haptic_device.h and its example: they compile everywhere, and the example is a device as one should be."""
 
-import math
 import re
 import signal
 import subprocess
 import uuid
 
 import firmware_builds
-import numpy as np
 import pytest
 from firmware_builds import FIRMWARE
-from waiting import exit_code, until
+from waiting import exit_code
 
 from haptic_device.control import faults
-from haptic_device.realtime import atomic, hardware_interface, servo_writes, shared_memory
+from haptic_device.realtime import atomic, servo_writes, shared_memory
 from haptic_device.realtime.hardware_interface import SharedMemoryInterface
 from haptic_device.realtime.shared_memory import file_name
 from haptic_sim.supervision import conformance
@@ -22,7 +20,6 @@ from haptic_sim.supervision import conformance
 HEADER, EXAMPLE = FIRMWARE / "haptic_device.h", FIRMWARE / "examples/own_device.c"
 STRICT = "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-I", str(FIRMWARE)
 DOMAIN = 7
-REST, MOST = 6000, 15.0  # of the example: counts where it rests, motor units
 OTHERWISE = {  # names that Python has otherwise
     "BYTES": 8 * shared_memory.WORDS,
     "DEVICE_BYTE": shared_memory.ROLE_BYTE[shared_memory.DEVICE],
@@ -83,18 +80,6 @@ def page(space):
     return shared_memory.FOLDER / file_name(DOMAIN, space)
 
 
-@pytest.fixture
-def serve(space, start, example):
-    """serve() runs the example on the page; answers (process, what it said first)."""
-
-    def run():
-        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-        process = start([example, str(DOMAIN), space], **pipes)
-        return process, process.stdout.readline().rstrip("\n") or process.stderr.read().rstrip("\n")
-
-    return run
-
-
 def test_every_constant_of_the_header_is_that_of_the_page(folder):
     names = re.findall(r"^#define HAPTIC_(\w+) ", HEADER.read_text(), re.MULTILINE)
     names.remove("FOLDER")
@@ -118,71 +103,15 @@ def test_the_header_compiles_without_a_warning_in_c_and_in_cpp(folder, compiler,
         assert subprocess.run([program]).returncode == 0
 
 
-def test_the_example_keeps_every_promise_of_a_link_and_ends_with_zero(serve, space):
-    process, said = serve()
-    assert said == f"own_device: serves {page(space)}"
+def test_the_example_keeps_every_promise_of_a_link_and_ends_with_zero(start, example, space):
+    process = start([example, str(DOMAIN), space], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stdout.readline() == f"own_device: serves {page(space)}\n"
     interface = SharedMemoryInterface(page(space).name, 7)
     results = conformance.check_all(interface)
-    interface.close()
+    conformance.drive(interface, 50, 15.0)  # it ends while it is pushed
     broken = [result for result in results if not result.passed and result.name != conformance.IN_TIME]
     assert len(results) == len(conformance.CHECKS) and not broken  # that one judges this machine too
     process.send_signal(signal.SIGTERM)
     assert exit_code(process) == 0 and process.stdout.read() == "left 0\n"
+    interface.close()
     assert "runtime error" not in (said := process.stderr.read()) and "Sanitizer" not in said
-
-
-@pytest.fixture
-def link(serve, space):
-    """The servo's side of a page that the example serves; `link.process` is the example."""
-    process, _ = serve()
-    link = SharedMemoryInterface(page(space).name, 7)
-    until(link.present, "the device is present")
-    link.process = process
-    yield link
-    link.close()
-    if process.poll() is None:
-        process.send_signal(signal.SIGINT)
-        assert exit_code(process) == 0
-
-
-def test_a_killed_servos_handle_goes_back_to_where_it_rests_and_a_driven_one_stays_pushed_until_the_end(link):
-    def counts(sample):
-        return sample[hardware_interface.COUNTS]
-
-    assert counts(conformance.drive(link, 50, MOST)[-1].sample) > REST + 2000  # 10 mm
-    sample = np.zeros(hardware_interface.SAMPLE)
-
-    def back():
-        link.read(link.memory, 0, 0, sample)
-        return int(sample[hardware_interface.STATUS]) == shared_memory.WATCHDOG and abs(counts(sample) - REST) < 200
-
-    until(back, "the motor is zero and the handle at rest")
-    conformance.drive(link, 5, MOST)
-    link.process.send_signal(signal.SIGTERM)
-    assert exit_code(link.process) == 0 and link.process.stdout.read() == "left 0\n"
-    assert not link.present()
-
-
-def test_the_example_says_when_it_clamps(link):
-    def driven(motor):
-        sample = conformance.drive(link, 3, motor)[-1].sample
-        return [] if conformance.is_cut(sample) else [sample]
-
-    for most in (MOST, -MOST):
-        for motor, clamped in ((most, False), (math.nextafter(most, 2 * most), True)):
-            [sample] = until(lambda motor=motor: driven(motor), "the motor acts")
-            assert bool(int(sample[hardware_interface.STATUS]) & faults.CLAMPED) == clamped
-    assert link.delay() > 0.0
-
-
-def test_two_devices_on_one_page_are_refused_in_a_sentence_and_a_page_of_a_killed_one_is_taken_over(serve, space):
-    process, _ = serve()
-    second, said = serve()
-    assert said == f"own_device: page {page(space)} is held by another device; stop it, or use another namespace"
-    assert exit_code(second) == 1 and process.poll() is None
-    process.kill()
-    process.wait(60.0)
-    process, said = serve()
-    assert said == f"own_device: serves {page(space)}, left by a process that had died"
-    process.send_signal(signal.SIGINT)
-    assert exit_code(process) == 0

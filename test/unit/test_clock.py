@@ -55,13 +55,3 @@ def test_whoever_waits_for_a_word_is_woken_by_its_writer():
     thread.join(60.0)
     assert not thread.is_alive() and woken == 1
     assert futex.wake(words, 2) == 0  # nobody waits any more
-
-
-def test_a_word_that_has_changed_is_not_waited_for_and_one_that_nobody_changes_until_the_time():
-    words, scratch = np.array([(1 << 32) + 6, 8]), clock.scratch()  # the upper half does not count
-    until = clock.now_ns(scratch) + HOUR
-    futex.wait(words, 1, 6, until, scratch)
-    assert clock.now_ns(scratch) < until
-    until = clock.now_ns(scratch) + 5 * MS
-    futex.wait(words, 0, int(words[0]), until, scratch)
-    assert clock.now_ns(scratch) >= until

@@ -69,26 +69,23 @@ def test_a_port_that_is_none_is_named_once_and_stays_as_it_was(tmp_path, termina
     assert refusal(SerialOptions(port=terminal.path)) == f"port {terminal.path} cannot be opened: Permission denied"
 
 
-@pytest.mark.parametrize("baud", [1200, 4_000_000])
-def test_the_slowest_and_the_fastest_line_are_set(terminal, baud):
-    descriptor = line.open_serial(SerialOptions(port=terminal.path, baud=baud))
-    speeds = termios.tcgetattr(descriptor)[4:6]
-    os.close(descriptor)
-    assert speeds == [line.SPEEDS[baud]] * 2
-
-
-def test_every_byte_passes_as_it_is_and_what_came_before_is_gone(terminal):
+def test_every_byte_passes_as_it_is_what_came_before_is_gone_and_a_device_that_is_gone_is_lost(terminal):
     os.write(terminal.far, b"old\n")
-    descriptor = line.open_serial(SerialOptions(port=terminal.path))
+    descriptor = line.open_serial(SerialOptions(port=terminal.path, baud=4_000_000))
+    assert termios.tcgetattr(descriptor)[4:6] == [line.SPEEDS[4_000_000]] * 2
     every, buffer = np.arange(256, dtype=np.uint8), np.zeros(300, np.uint8)
+    assert line.receive(descriptor, buffer, 0, False) == 0  # nothing is there: it is not lost
     os.write(terminal.far, every.tobytes())
     heard = heard_all(descriptor, buffer, 256)
     assert line.send(descriptor, every, 256)
     back = b""
     while len(back) < 256:
         back += os.read(terminal.far, 512)
-    os.close(descriptor)
     assert heard == back == every.tobytes()
+    os.close(terminal.far)
+    assert line.receive(descriptor, buffer, 0, False) == line.LOST
+    assert not line.send(descriptor, buffer, 8)
+    os.close(descriptor)
 
 
 def heard_all(descriptor, buffer, count):
@@ -101,14 +98,6 @@ def heard_all(descriptor, buffer, count):
         assert came >= 0
         have += came
     return buffer[:have].tobytes()
-
-
-def test_a_line_without_bytes_is_not_lost_and_one_without_a_device_is(terminal, opened):
-    buffer = np.zeros(8, np.uint8)
-    assert line.receive(opened, buffer, 0, False) == 0
-    os.close(terminal.far)
-    assert line.receive(opened, buffer, 0, False) == line.LOST
-    assert not line.send(opened, buffer, 8)
 
 
 def test_a_wait_ends_when_a_byte_is_there_and_without_one_not_before_its_time(terminal, opened):

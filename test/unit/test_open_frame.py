@@ -115,26 +115,6 @@ def test_a_greeting_of_nonsense_or_of_another_session_is_refused_and_one_within_
         assert (host.state[codec.REFUSED], host.state[codec.SESSIONS]) == (2, 1)
 
 
-def test_silence_of_100_ms_begins_another_session_and_less_does_not():
-    host, device, now = ready()
-    heard = host.state[open_state.HEARD]
-    assert unpack(host.say(codec.IDLE, heard + 100 * MS)).kind == page.CLOCK
-    kind, _, other, sequence, _, _ = unpack(host.say(codec.IDLE, heard + 100 * MS + 1))
-    assert (kind, sequence) == (HELLO, 1) and other != device.session
-    assert host.state[codec.READY] == 0 and not host.write(now, now + MS)
-
-
-def test_frames_before_the_greeting_and_truths_before_the_clock_is_known_are_left_alone():
-    host, session = begun()
-    for sequence in (1, 3):
-        assert host.hear(pack(SAMPLE, session, sequence, *sample(BEGIN, BEGIN)), BEGIN) is None
-    for sequence in (2, 4):  # it was overtaken; said again it is no other session
-        host.hear(greeting(session, sequence, features=1), BEGIN)
-        assert host.state[codec.SESSIONS] == 1
-    assert host.hear(pack(TRUTH, session, 5, 0, *[0.0] * 19), BEGIN) is None
-    assert host.state[codec.REFUSED] == 0
-
-
 def test_a_frame_that_comes_twice_or_late_or_is_of_another_version_or_what_hosts_say_is_refused():
     host, device, now = ready(features=1)
     late, frame = truth(device, now), truth(device, now)

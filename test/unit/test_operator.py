@@ -63,32 +63,16 @@ def test_between_waypoints_the_hand_moves_with_least_jerk_and_a_peg_comes_from_s
     assert points[down][:, [0, 2]] == pytest.approx(np.tile(np.array(TARGET)[[0, 2]], (down.sum(), 1)))
 
 
-def test_between_waypoints_of_its_own_the_hand_takes_time_by_the_way_and_stops_at_each():
-    turn = 0.05 * 0.3  # m that 0.3 rad count as
-    motion, first, second = script("waypoints", duration=3.0), 0.02, math.hypot(0.07, turn)
-    reached = 3.0 * first / (first + second)
-    assert at(motion, reached)[0] == pytest.approx(ABOVE)
-    assert at(motion, reached / 2)[0] == pytest.approx(np.add(START, ABOVE) / 2)
-    speed = np.linalg.norm(at(motion, reached + 1e-4)[0] - at(motion, reached - 1e-4)[0]) / 2e-4
-    assert speed < 1e-3
-    assert at(script("waypoints", waypoints=START), 1.0)[0] == pytest.approx(START)
-    assert at(script("waypoints", waypoints=(0.0,) * 90 + TARGET), 9.0)[0] == pytest.approx(TARGET)  # 31 are taken
-
-
-@pytest.mark.parametrize(
-    "given, sentence",
-    [
+def test_places_of_a_wrong_length_are_refused_in_one_sentence():
+    for wrong, sentence in (
         ({"waypoints": ()}, "motion.waypoints has 0 numbers; write 3 for each waypoint: x, y, theta"),
-        ({"waypoints": (0.0,) * 4}, "motion.waypoints has 4 numbers; write 3 for each waypoint: x, y, theta"),
         ({"waypoints": (0.0,) * 96}, "motion.waypoints names 32 waypoints; the limit is 31"),
         ({"start": (0.0, 1.0)}, "motion.start has 2 numbers; write 3: x, y, theta"),
         ({"target": (0.0, 1.0)}, "motion.target has 2 numbers; write 3: x, y, theta"),
-    ],
-)
-def test_places_of_a_wrong_length_are_refused_in_one_sentence(given, sentence):
-    with pytest.raises(ValueError) as refusal:
-        script("waypoints", **given)
-    assert str(refusal.value) == sentence
+    ):
+        with pytest.raises(ValueError) as refusal:
+            script("waypoints", **wrong)
+        assert str(refusal.value) == sentence
 
 
 @pytest.mark.parametrize("taps", [1, 5, 15])
@@ -142,14 +126,3 @@ def test_the_firmwares_hand_goes_round_at_an_even_rate_between_its_easing():
     ahead, behind = plant.at(3.9999), plant.at(4.0)
     assert behind.target[:2] == pytest.approx([0.05, 0.0], abs=1e-12)
     assert math.hypot(*ahead.target_velocity[:2]) < 1e-3
-
-
-def test_the_firmwares_hand_that_follows_lags():
-    plant, goal = InC(), np.array([0.05, -0.05, 1.0])
-    plant.port.plant_port_follow(ctypes.c_double(0.02))
-    plant.script()
-    plant.at(0.1)
-    plant.port.plant_port_goal((ctypes.c_double * 3)(*goal))
-    state = plant.at(0.12)
-    assert state.target == pytest.approx(goal * (1 - math.exp(-1.0)))
-    assert state.target_velocity == pytest.approx(goal * math.exp(-1.0) / 0.02)

@@ -73,16 +73,6 @@ def test_friction_alone_ends_a_motion_where_its_energy_is_gone(made, sign):
     assert later.position[0] == standing.position[0] and later.energy == pytest.approx(0.0, abs=1e-14)
 
 
-def test_friction_takes_the_same_from_each_half_swing(made):
-    """A spring swings about its new rest, 11.3 dead bands away, by 2 f_c/k less each time, and then sticks."""
-    m, k, friction = 0.2, 800.0, 0.16
-    band, half = friction / k, math.pi * math.sqrt(m / k)
-    swinging = made(x=(m, 0.0, friction, 0.0, 0.0, 0.0, k, 0.0))
-    swinging.push(0.0, 11.3 * friction)  # from 0 it swings about 11.3 bands
-    peaks = [swinging.at(half * (i + 1)).position[0] / band - 11.3 for i in range(7)]
-    assert peaks == pytest.approx([9.3, -7.3, 5.3, -3.3, 1.3, 0.7, 0.7], abs=1e-7)
-
-
 def test_energy_is_what_the_motor_gives_less_what_is_kept_and_lost(made):
     """A hand throws the handle at a wall, which the motor renders late: all books, once round the bounce."""
     m, b, friction = 0.1, 0.4, 0.02
@@ -123,25 +113,6 @@ def test_motion_and_energy_are_those_of_an_independent_integration_of_hand_and_h
     state = drawn.at(0.1)
     assert [state.position[0], state.velocity[0], state.energy] == pytest.approx(end, rel=1e-6)
     assert state.target[0] == pytest.approx(0.02) and state.target_velocity[0] == pytest.approx(0.04 * 1.875 / 0.2)
-
-
-def test_a_motor_at_zero_gives_nothing(made):
-    turned = made(x=(0.1, 3.0, 0.02, 0.0, 0.1, 8.0, 500.0, 0.0), theta=(1e-4, 4e-3, 1e-4, 0.0, 1e-4, 0.02, 1.0, 0.0))
-    places = (0.0, 0.0, 0.0), (0.1, 0.05, 1.0), (0.2, -0.05, -2.0), (0.3, 0.0, 0.0)
-    turned.script(*((when, x, 0.0, theta, 1.0) for when, x, theta in places))
-    energies = [turned.at(0.001 * i).energy for i in range(500)]
-    assert max(energies) == 0.0 and energies[-1] < -0.01
-
-
-def test_a_handle_that_was_let_go_feels_no_hand(made):
-    held = made(x=(0.1, 0.0, 0.0, 0.0, 0.1, 60.0, 9000.0, 0.0))
-    held.script((0.0, 0.0, 0.0, 0.0, 1.0), (0.2, 0.04, 0.0, 0.0, 1.0), (0.4, -0.04, 0.0, 0.0, 0.0))
-    assert held.at(0.4).velocity[0] != 0.0
-    gone = held.at(0.4001)
-    held.push(0.4001, 1.0)
-    later = held.at(0.4501)
-    assert later.operator[0] == 0.0
-    assert later.velocity[0] - gone.velocity[0] == pytest.approx(1.0 / 0.1 * 0.05, abs=1e-12)
 
 
 @pytest.mark.parametrize("sensing, actuation", [(0.0, 0.0), (1.5e-3, 2e-3), (333_333e-9, 130_001e-9), (7e-9, 25e-5)])
@@ -269,11 +240,3 @@ def test_the_drag_sensor_follows_the_damper_behind_its_bandwidth_with_its_bias()
     moving.record["drag_bandwidth"] = 0.0
     moving.at(0.0021)
     assert moving.sense()[1][0] == pytest.approx(1.25, rel=1e-6)
-
-
-def test_the_drag_sensors_noise_has_its_standard_deviation_and_comes_again_the_same():
-    sensors = InPython(drag_noise=0.01), InPython(drag_noise=0.01)
-    first, second = ([sensor.sense()[1][0] for _ in range(4000)] for sensor in sensors)
-    assert first == second
-    assert np.std(first) == pytest.approx(0.01, rel=0.05)
-    assert np.mean(first) == pytest.approx(0.0, abs=0.0005)

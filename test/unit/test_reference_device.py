@@ -9,13 +9,11 @@ import shutil
 import signal
 import subprocess
 import sys
-import termios
 import time
 from pathlib import Path
 
 import firmware_builds
 import link_frames as link
-import numpy as np
 import pytest
 import waiting
 from firmware_builds import FIRMWARE, ROOT
@@ -66,15 +64,6 @@ def is_sample(frame):
     return frame.kind == link.SAMPLE
 
 
-@contextlib.contextmanager
-def terminal(path):
-    """A host on a serial line that it opens as hosts do."""
-    file = os.open(path, os.O_RDWR | os.O_NOCTTY)
-    termios.tcflush(file, termios.TCIOFLUSH)
-    with contextlib.closing(link.SerialHost(file, session=time.monotonic_ns() & 0x7FFFFFFF | 1)) as host:
-        yield host
-
-
 def changes(file):
     """(time [ns], force on x) of a device's log, and the times at which its commands began to act."""
     lines = [line.split() for line in file.read_text().splitlines()]
@@ -104,30 +93,6 @@ def test_a_device_on_udp_is_driven_and_cut_to_the_nanosecond(device, tmp_path):
     assert changes(log) == ([(sample.applied, -2.0), (sample.applied + 200 * MS, 0.0)], [sample.applied])
 
 
-def sampled_exactly(host):
-    """Whether a command of now is answered with a sample of the very deadline."""
-    said = host.command(host.now() + 300 * MS)
-    sample = link.sample(host.until(lambda frame: is_sample(frame) and frame.answers == said))
-    return sample.sampled == sample.deadline
-
-
-def clocks(host):
-    """CLOCK_MONOTONIC before the device said its time, that time, and after it [ns]."""
-    before, device_time, after = time.monotonic_ns(), host.now(), time.monotonic_ns()
-    return np.array([before, device_time, after])
-
-
-def test_a_clock_may_be_off_run_off_and_step(device):
-    options = "--clock-offset-s", -5, "--clock-ppm", 5e4, "--clock-step-us", -2e6, "--clock-step-at", 0.05
-    with udp(device("--udp", 0, *options, config="watchdog 1\n")) as host:
-        host.greet()
-        waiting.until(lambda: clocks(host)[1] < clocks(host)[0] - 5.5e9, "the step")
-        first = clocks(host)
-        assert first[1] - first[0] >= -7e9 and sampled_exactly(host)
-        passed = clocks(host) - first
-        assert (passed[0] - first[2] + first[0]) * 1.05 <= passed[1] <= (passed[2] + first[2] - first[0]) * 1.05
-
-
 def test_inputs_of_a_device_are_set_by_lines(device):
     running = device("--udp", 0)
     with udp(running) as host:
@@ -151,39 +116,6 @@ def test_inputs_of_a_device_are_set_by_lines(device):
         running.process.stdin = None
         host.greet()
     assert "watchdog cuts" in running.end()
-
-
-BY_WAYPOINTS = "hand_stiffness 500 500 1\nhand_damping 8 8 0.02\nwaypoint 0 0 0 0 1\nwaypoint 0.05 0.01 0 0 1\n"
-
-
-def told(host, *flags):
-    """The next truth, of these flags."""
-    return link.truth(host.until(lambda frame: frame.kind == link.TRUTH and frame.flags in (flags or range(4))))
-
-
-def test_a_hand_waits_for_the_display_and_says_when_it_is_done(device):
-    with udp(device("--udp", 0, config=BY_WAYPOINTS)) as host:
-        host.greet()
-        host.command(host.now() + MS, engaged=False)
-        assert told(host, 2).target == (0.0, 0.0, 0.0)
-        first, later = told(host, 0), told(host, 0)
-        assert later.target == (0.0, 0.0, 0.0) and later.time - first.time >= MS
-        host.command(host.now() + MS)
-        done = told(host, 1)
-        assert done.target == (0.01, 0.0, 0.0) and done.target_velocity == (0.0, 0.0, 0.0)
-        assert done.operator_force[0] != 0.0 and done.motor_force == (0.0, 0.0, 0.0)
-
-
-def test_a_device_on_a_line_takes_hosts_that_come_and_go(device, tmp_path):
-    running = device("--pty", tmp_path / "line", config="watchdog 1\n")
-    assert running.line[0] == "pty" and os.readlink(tmp_path / "line") == running.line[1]
-    for _ in range(2):
-        with terminal(tmp_path / "line") as host:
-            assert link.greeting(host.greet()).axes == 3
-            host.write(b"\1\2\3\0\0noise\0")
-            assert sampled_exactly(host)
-    assert running.end().startswith("frames refused 4,")
-    assert not (tmp_path / "line").is_symlink()
 
 
 def test_a_device_ends_with_its_parent():
