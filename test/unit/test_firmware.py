@@ -126,18 +126,6 @@ def test_nothing_is_said_before_the_first_hello(library):
     assert core.say(link.HELLO, session=0) == [] and core.refused == 3
 
 
-def test_a_sample_answers_its_command_at_its_deadline(core):
-    assert core.command(ms=1.0) == [] and core.motors == (1.0, -1.0, 0.5)
-    said = core.sequence
-    assert core.at(0.999) == []
-    (frame,) = core.at(1.02)
-    sample = link.sample(frame)
-    assert frame.answers == said and frame.flags == 0
-    assert (sample.deadline - core.BEGAN, sample.sampled - core.BEGAN) == (MS, 1_020_000)
-    assert sample.applied == core.BEGAN and sample.damper == (0.5, 0.0, 0.0)
-    assert sample.counts == (1, -1, -(2**31)) and (sample.temperature, sample.reserved) == (-32768, 0)
-
-
 def test_deadlines_run_on_with_the_motor_held_until_the_watchdog_cuts(core):
     core.command(ms=1.0, period=2 * MS)
     assert [answers for answers, _ in samples(core.at(1.0))] == [core.sequence]

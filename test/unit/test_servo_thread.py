@@ -229,19 +229,6 @@ def test_only_who_attends_keeps_an_enabled_servo_from_being_unattended_and_a_ser
     until(unattended, "the fault unattended")
 
 
-def test_a_record_whose_writer_does_not_end_is_not_taken_and_counted(servo):
-    for mail in ("settings", "tool"):
-        thread = servo(NullDevice())
-        thread.start()
-        ticks(thread, 5)
-        words = getattr(thread, mail).words
-        words[8:] = np.float64(np.nan).view(np.int64)
-        words[0] |= 1
-        until(lambda thread=thread: thread.control[servo_loop.TORN] > 5, "5 torn records")
-        row = thread.row.get()[0]
-        assert np.isfinite(row.position).all() and np.isfinite(row.tool_position).all() and row.fault == 0
-
-
 @pytest.mark.parametrize(
     ("function", "error", "sentence"),
     [
