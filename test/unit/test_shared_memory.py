@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from waiting import exit_code, until
 
-from haptic_device.realtime import atomic, clock, servo_writes, shared_memory
+from haptic_device.realtime import atomic, clock, hardware_interface, servo_writes, shared_memory
 from haptic_device.realtime.hardware_interface import SharedMemoryInterface
 from haptic_device.realtime.shared_memory import DEVICE, SERVO, WATCHDOG, SharedMemory, SharedMemoryError, file_name
 
@@ -269,6 +269,16 @@ def test_what_the_device_writes_reaches_the_servo_word_by_word_and_a_delay_is_ne
     for told in (-1, -(2**63)):
         device.ask("write", 1, 0, 0, 0, 0, 0.0, 0.0, 0.0, told)
         assert link.delay() == 0.0
+    link.close()
+
+
+def test_a_sample_of_a_clock_that_is_far_ahead_is_not_read(space, device):
+    link, sample = SharedMemoryInterface(page(space).name, 7), np.zeros(hardware_interface.SAMPLE)
+    for ahead, count, kept in ((0, 1, 1), (hardware_interface.AHEAD, 2, 2), (60_000_000_000, 3, 2)):
+        now = now_ns()
+        device.ask("write", now + ahead, 0, count, 0, 0, 0.0, 0.0, 0.0, 0)
+        assert link.read(link.memory, now, now, sample) == (count == kept)
+        assert sample[hardware_interface.COUNTS] == kept
     link.close()
 
 
