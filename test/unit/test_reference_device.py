@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The reference device on real lines, and what compiles and configures it."""
+"""The reference device on UDP, and what compiles and configures it."""
 
 import contextlib
 import math

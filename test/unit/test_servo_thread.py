@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The servo in its thread, on a page with a plant behind it, on a device that says nothing, and with strange mail."""
+"""The servo in its thread, on a page with a plant behind it, and on a device that says nothing."""
 
 import signal
 import threading
