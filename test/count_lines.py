@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`python test/count_lines.py [FOLDER…]`: lines of code of tracked Python files, without blanks, comments, docstrings."""
+"""`python test/count_lines.py [FOLDER…]`: lines of code of Python files in git; no blanks, comments, docstrings."""
 
 import ast
 import io

@@ -33,7 +33,7 @@ class Willing:
     def __init__(self, inner, moves=(), made=()):
         self.inner, self.asked, self.pulls, self.gains = inner, [], [], Coupling()
         self.position = self.force_on_tool = STILL
-        self._moves, self._made, self._tool = iter(moves), iter(made), 0.0
+        self._moves, self._made, self._tool, self.given = iter(moves), iter(made), 0.0, 0.0
 
     def step(self, target, n):
         """As a world by backward difference whose moves may be cut short: the way that is lost is paid for."""
@@ -48,6 +48,7 @@ class Willing:
             supplied += force * way if force * way > 0.0 else share * force * way
             self._tool += share * way
             self.pulls.append(force)
+        self.given += supplied
         self.position, self.force_on_tool = (self._tool, 0.0, 0.0), (force, 0.0, 0.0)
         return StepResult(supplied)
 
@@ -98,6 +99,7 @@ def test_whatever_the_tool_does_over_whole_exchanges_the_tank_is_not_overdrawn(w
         port.step(world, np.concatenate([before, after]), 4)
         before = after
         assert port.tank >= -1e-12
+        assert world.given <= BUDGET + shipped - way[0][2] + 1e-12  # the first sample's energy is the zero
 
 
 def asked_of(way, gains=(2000.0, 2.0), limits=WIDE, budget=BUDGET):

@@ -284,7 +284,7 @@ def held_knob(motor, friction, turn=0.0):
     return World("partitioned", [], turn=turn, joints=[pin], tool=knob, gains=Coupling(2000.0, 2.0, 2.0, 0.1))
 
 
-@pytest.mark.parametrize(("turn", "speed"), zip(TURNS, [5.0, -5.0], strict=True))
+@pytest.mark.parametrize(("turn", "speed"), list(zip(TURNS, [5.0, -5.0], strict=True)))
 def test_a_motor_turns_a_held_tool_ahead_by_its_torque_less_friction_and_gives_way_by_their_sum(turn, speed):
     """From the handle it goes (.3 − .1)/2 rad ahead; the handle that goes back draws it from (.3 + .1)/2 ahead."""
     world, sign = held_knob((speed, 0.3), 0.1, turn), math.copysign(1.0, speed)
