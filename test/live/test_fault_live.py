@@ -39,7 +39,7 @@ BY_THE_HAND = {  # fault: live settings, where it is enabled, and the ways from 
 }
 
 
-# TMP@pytest.mark.realtime
+@pytest.mark.realtime
 @pytest.mark.parametrize("name", BY_THE_HAND)
 def test_a_hand_that_goes_too_fast_too_far_or_too_hard_is_a_fault(display, name):
     settings, begin, ways = BY_THE_HAND[name]
@@ -123,7 +123,7 @@ def hands(ros_domain):
     page.close()
 
 
-# TMP@pytest.mark.realtime
+@pytest.mark.realtime
 def test_an_encoder_that_jumps_and_a_sensor_that_says_no_number_are_faults(hands, start, ros_domain):
     start(command("haptic_driver", SPACE, **NODES["haptic_driver"]))
     with contextlib.closing(Ear(ros_domain, SPACE)) as ear:
