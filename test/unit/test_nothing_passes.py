@@ -91,7 +91,7 @@ def test_a_tool_that_its_handle_pulls_does_not_pass_a_thin_plate(plate, speed):
     if plate:
         plate(world)
     world.handle = 0.05, 0.0, 0.0
-    assert world.farthest(200, lambda world: world.pose("tool")[0]) < -0.5e-3
+    assert world.farthest(200, lambda world: world.pose("tool")[0]) < -0.5e-3 - 0.5 * THIN + 1e-5
 
 
 def test_a_bar_that_spins_fast_does_not_cut_through_a_thin_plate():
@@ -252,7 +252,7 @@ CENTRE = 0.25 * math.pi
 def from_the_side(sunk):
     """It overlaps the block's height by little and its width by much: least overlap says up, the motion says side."""
     y = 0.01 - sunk
-    return BLOCK, [(-0.015, y, 0.0), (0.03, y, 0.0)], lambda x, _: x.max() < -0.0099
+    return BLOCK, [(-0.015, y, 0.0), (0.03, y, 0.0)], lambda x, up: x.max() < -0.0099 and abs(up[-1] - y) < 1e-4
 
 
 def from_above(over):

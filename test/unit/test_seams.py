@@ -49,7 +49,7 @@ def test_a_block_keeps_its_speed_over_a_seam_without_friction(floor, method, tur
     world = made(method, turn, FLOORS[floor], block())
     for k in range(1, 501):
         expected = 0.5e-3 * k, 0.01, 0.0, 0.5, 0.0, 0.0
-        assert world.steps(1).state() == pytest.approx(expected, abs=2e-7)
+        assert world.steps(1).state() == pytest.approx(expected, abs=1e-7)
 
 
 @OVER

@@ -13,7 +13,6 @@ from scipy.special import ellipk
 from worlds import DOWN, FAR, TURNS, World, body, box, disc, fixed, floor, joint, spring, tool
 from worlds import G as G
 
-from bench.reference.exact_four_bar import angles
 from haptic_sim.method.penalty_explicit import PenaltyExplicit
 from haptic_sim.method.penalty_implicit import PenaltyImplicit
 from haptic_sim.protocol import Coupling
@@ -54,7 +53,11 @@ def test_a_world_is_where_its_closed_form_says(method, told, given, close):
             world.run(time - gone, handle)
             found, gone = dict(zip(COORDINATES, world.state(name), strict=True)), time
             for coordinate, value in expected.items():
-                exact = pytest.approx(value, rel=close, abs=1e-9 + 1e-3 * close) if isinstance(value, float) else value
+                exact = (
+                    pytest.approx(value, rel=close, abs=min(1e-9, close) + 1e-3 * close)
+                    if isinstance(value, float)
+                    else value
+                )
                 assert found[coordinate] == exact, (turn, time, name, coordinate)
 
 
@@ -65,14 +68,14 @@ def near(value, within):
 REST = {"vx": 0.0, "vy": 0.0, "turning": 0.0}
 
 
-@law(ALL, 1e-9, speed=[0.3, 9e-5])
+@law(ALL, 1e-12, speed=[0.3, 9e-5])
 def what_nothing_touches_flies_on(_, speed):
     yield dict(bodies=[body(1.0, 2.0, 0.5, velocity=[speed, -0.2, 4.0])], tool=FAR | {"velocity": [1.0, 0.0, 2.0]})
     yield 1.0, "body", dict(x=1.0 + speed, y=1.8, angle=4.5, vx=speed, vy=-0.2, turning=4.0)
     yield 1.0, "tool", dict(x=51.0, y=50.0, angle=2.0)
 
 
-@law(ALL, 1e-9, g=[G], time=[0.2])
+@law(ALL, 1e-12, g=[G], time=[0.2])
 @law(["impulse"], 1e-9, g=[4e-4], time=[2.0])
 def what_falls_has_the_speed_g_t(_, g, time):
     yield dict(bodies=[body()], gravity=(0.0, -g), tool=tool(5.0, 5.0))
@@ -80,11 +83,10 @@ def what_falls_has_the_speed_g_t(_, g, time):
         yield time, name, dict(vy=-g * time, y=near(start - 0.5 * g * time**2, 0.51e-3 * g * time))
 
 
-@law(ALL, 1e-6)
-@law(["closed_form"], 1e-6, body=[False])
-def a_held_tool_hangs_by_its_weight_over_the_stiffness(_, body=True):
+@law(ALL + " closed_form", 1e-6)
+def a_held_tool_hangs_by_its_weight_over_the_stiffness(_):
     yield dict(bodies=[], gravity=DOWN, tool=tool(), gains=Coupling(2000.0, 20.0, 1.0, 0.01))
-    yield 1.0, "tool", dict(y=-0.1 * G / 2000.0)
+    yield 1.0, "tool", dict(y=pytest.approx(-0.1 * G / 2000.0, rel=1e-9))
 
 
 def block(size=1.0, speed=0.0, height=0.1, **more):
@@ -110,18 +112,13 @@ def a_block_slides_to_rest_after_v_squared_over_two_mu_g_and_stays(size):
     yield 1.0, "body", dict(x=4.0 / (0.8 * G), **REST)
 
 
-@law(RIGID, 1e-3, slope=[0.35], time=[0.3])
+@law(DIRECT, 1e-9, slope=[0.35], time=[0.3])
+@law(["impulse"], 1e-3, slope=[0.35], time=[0.3])
 @law(["impulse"], 2e-2, slope=[1e-5], time=[1.5])
 def a_disc_rolls_at_two_thirds_of_g_sin(size, slope, time):
     yield dict(bodies=[floor(), body(0.0, 0.1 * size, shapes=disc(0.1 * size))], friction=0.5, gravity=tilted(slope))
     speed = 2.0 / 3.0 * G * math.sin(slope) * time
-    yield (
-        time,
-        "body",
-        dict(
-            vx=pytest.approx(speed, rel=2e-2 if slope < 0.1 else 1e-3), x=near(0.5 * speed * time, 0.01 * speed * time)
-        ),
-    )
+    yield time, "body", dict(vx=speed, x=near(0.5 * speed * time, 0.01 * speed * time))
 
 
 @law(DIRECT, 1e-9, belt=[0.5, -0.5])
@@ -148,7 +145,7 @@ def a_tool_on_a_belt_goes_with_it_until_its_coupling_pulls_as_hard_as_friction(_
     held = tool(0.0, 0.01, shapes=box(0.04, 0.02), inertia=1e-4)
     more = dict(tool=held, friction=0.3, gains=Coupling(2000.0, 20.0, 50.0, 0.5), handle=(0.0, 0.0, 0.0))
     yield dict(bodies=[floor(surface_velocity=[0.1, 0.0])], **more)
-    yield 0.01, "tool", dict(vx=0.1)
+    yield 0.01, "tool", dict(vx=pytest.approx(0.1, rel=1e-9))
     yield 2.0, "tool", dict(x=0.3 * 0.01, y=0.01)
 
 
@@ -182,7 +179,7 @@ def a_ball_rebounds_with_its_restitution(size, e):
 
 
 @law("partitioned", 1e-6, start=[0.5, 0.0])
-@law(["impulse"], 4e-3, start=[0.5, 0.0])
+@law(["impulse"], 2e-3, start=[0.5, 0.0])
 def a_ball_that_loses_nothing_comes_back_to_its_height(size, start):
     """From its fall, or thrown at the floor that it lies on."""
     radius, speed = 0.05 * size, math.sqrt(2.0 * G * 0.5 * size)
@@ -248,37 +245,6 @@ def a_rod_that_balances_a_little_off_the_top_falls(size):
     yield time, "body", dict(angle=near(0.5 * math.pi + fallen, 1e-2 * fallen))
 
 
-BARS = 4.0, 1.5, 3.5, 3.0  # ground, crank, coupler, rocker
-
-
-@law("partitioned", 1e-12)
-def a_four_bar_driven_by_its_crank_keeps_its_angles_over_ten_turns(_):
-    ground, *lengths = BARS
-    crank = math.pi / 3.0
-    turned = dict(zip(("crank", "coupler", "rocker"), (crank, *angles(BARS, crank)), strict=True))
-    knee = lengths[0] * math.cos(crank), lengths[0] * math.sin(crank)
-    rocker = turned["rocker"]
-    ends = (0.0, 0.0), knee, (ground, 0.0)
-    bars = []
-    for layer, ((name, angle), (x, y), length) in enumerate(zip(turned.items(), ends, lengths, strict=True)):
-        middle = x + 0.5 * length * math.cos(angle), y + 0.5 * length * math.sin(angle)
-        bars.append(body(*middle, angle, name, box(length, 0.01), layers=[layer + 1]))
-    tip = ground + lengths[2] * math.cos(rocker), lengths[2] * math.sin(rocker)
-    pins = [
-        joint("pin", "world", "crank", motor={"speed": 2.0 * math.pi, "max_torque": 1e6}),
-        joint("pin", "crank", "coupler", knee),
-        joint("pin", "coupler", "rocker", tip),
-        joint("pin", "world", "rocker", ends[2]),
-    ]
-    yield dict(bodies=bars, joints=pins)
-    for time in (0.3, 10.0):
-        found = crank + 2.0 * math.pi * time
-        coupler, rocker = angles(BARS, found)
-        yield time, "crank", dict(turning=2.0 * math.pi)
-        yield time, "coupler", dict(angle=near(coupler, 1e-2))
-        yield time, "rocker", dict(angle=near(rocker, 1e-2))
-
-
 AXES = {"pin": ("angle", "turning"), "slider": ("x", "vx"), "spring": ("x", "vx")}
 
 
@@ -299,7 +265,7 @@ DRIVES = {
 }
 
 
-@law(DIRECT, 1e-9, kind=["pin", "slider"], drive=DRIVES)
+@law(DIRECT, 1e-12, kind=["pin", "slider"], drive=DRIVES)
 @law(["penalty_implicit"], 1e-2, kind=["pin", "slider"], drive=DRIVES)
 @law(["impulse"], 2e-3, kind=["pin"], drive=["back", "what is faster"])
 @law(["impulse"], 2e-3, kind=["slider"], drive=["up to its speed", "nothing"])
@@ -357,7 +323,7 @@ def in_grease_a_body_lags_behind_its_terminal_speed_by_it_over_the_rate(size, ki
 
 
 @law(DIRECT, 1e-6, kind=AXES, fast=[0.5, 4.0], within=[2e-5])
-@law(["impulse"], 1e-6, kind=AXES, fast=[0.02], within=[4e-3])
+@law(["impulse"], 1e-6, kind=AXES, fast=[0.02], within=[2e-3])
 def a_damped_oscillator_swings_by_its_closed_form_up_to_some_radians_a_step(size, kind, fast, within):
     """x = x₀ e^(−d t) (cos w t + d/w sin w t), d a tenth of the angular frequency."""
     frequency, x, d = fast * 1e3, 1e-3, 0.1 * fast * 1e3
@@ -406,14 +372,18 @@ def a_joint_whose_limits_are_both_0_holds_like_a_weld(size, kind):
 def a_bar_thrown_against_its_pins_stop_stays_there(size, rate):
     bar = body(0.1 * size, shapes=box(0.2 * size, 0.02 * size), mass=0.3, velocity=[0.0, 0.1 * size * rate, rate])
     yield dict(bodies=[bar], joints=[joint("pin", limits=[-0.4, 0.5])])
-    yield 0.2, "body", dict(angle=0.5 if rate > 0.0 else -0.4, **REST)
+    yield 0.2, "body", dict(angle=near(0.5 if rate > 0.0 else -0.4, 1e-6), **REST)
 
 
 @law("partitioned impulse", 1e-3, speed=[0.2, 2.0, -20.0])
 def a_sled_thrown_against_its_stop_stays_there(size, speed):
     sled = body(0.0, 0.02 * size, shapes=box(0.04 * size, 0.02 * size), mass=0.5, velocity=[speed * size, 0.0, 0.0])
     yield dict(bodies=[sled], joints=[joint("slider", limits=[-0.03 * size, 0.05 * size])])
-    yield 0.5, "body", dict(x=near((0.05 if speed > 0.0 else -0.03) * size, 1e-6), y=0.02 * size, angle=0.0, **REST)
+    yield (
+        0.5,
+        "body",
+        dict(x=near((0.05 if speed > 0.0 else -0.03) * size, 1e-6), y=near(0.02 * size, 1e-6), angle=0.0, **REST),
+    )
 
 
 def two_links(ratio=1.0, **more):
@@ -459,4 +429,4 @@ def a_tool_on_a_guide_comes_to_its_stop(_):
     guide = joint("slider", "world", "tool", limits=[-0.1, 0.02])
     held = dict(tool=tool(0.0, 0.01), gains=Coupling(2000.0, 20.0, 2.0, 0.02), handle=(0.03, 0.01, 0.0))
     yield dict(bodies=[], joints=[guide], **held)
-    yield 0.2, "tool", dict(x=0.02, y=0.01, vx=0.0)
+    yield 0.2, "tool", dict(x=near(0.02, 1e-6), y=near(0.01, 1e-6), vx=0.0)
