@@ -74,11 +74,12 @@ test: check
 	$(BIN)/python -m pytest test/live/smoke
 
 test-live: setup
+	@$(BIN)/haptic compile  # what was edited since
 	$(BIN)/python -m pytest test/live --ignore test/live/smoke
 
 docs-check: setup
+	@$(BIN)/haptic compile  # what was edited since
 	$(BIN)/python -m pytest test/docs
-	$(BIN)/python -m bench published
 
 soak: setup
 	$(BIN)/python -m pytest test/soak test/adversary test/fault_injection
