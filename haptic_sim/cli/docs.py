@@ -58,8 +58,8 @@ The device reports faults 11 to 14 by itself ([link_protocol.md](link_protocol.m
 fault only while the display is enabled. While it is disabled, you can move the handle off the switch. If you enable it
 on the switch, the fault is latched before any force acts.
 
-`test/unit/test_servo.py` and `test/unit/test_device_faults.py` provoke every fault tick by tick. On running nodes
-`test/live/test_driver.py` and `test/live/test_fault_live.py` provoke faults 1 to 10.
+`test/unit/test_device_faults.py` provokes every fault tick by tick, on either side of its bound. On running nodes
+`test/live/smoke/test_stop_and_fault.py` and `test/live/test_fault_live.py` provoke some of them.
 
 | code | name | in words | what latched it | what the motor does | what to do first |
 |---|---|---|---|---|---|
