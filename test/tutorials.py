@@ -28,6 +28,7 @@ import waiting
 
 FENCED = re.compile(r"^( *)```([^\n]*)\n(.*?)(^ *```$|\Z)", re.MULTILINE | re.DOTALL)
 DRAWN = re.compile("[\u2500-\u257f\\s]+")  # the lines of tables, and white space
+COMMAND = 240.0  # [s] that a command may take, less than the whole page: beside a display, programs only start slowly
 ENDED = {"0", "127", "130", "143"}  # codes of what is ended in the background; 127: the page itself has waited for it
 
 
@@ -110,7 +111,7 @@ class Shell:
             assert self._bash.poll() is None, f"{command}: the shell has ended"
             return code.exists() and code.read_text().endswith("\n")
 
-        waiting.until(ended, f"the end of {command}", said=self.printed)
+        waiting.until(ended, f"the end of {command}", said=self.printed, limit=COMMAND)
         number, *job = code.read_text().split()
         self._background += [one for one in job if one not in self._background]
         return number

@@ -90,7 +90,10 @@ def test_a_mouse_that_is_let_go_leaves_no_force_with_hold_on_it_stays_and_under_
     assert tab.complaints == []
 
 
-def test_each_way_to_stop_zeroes_the_motor_on_every_page_and_back_to_the_start_repairs(system, tab, chromium, listener):
+@pytest.mark.parametrize("way", ["the button", "space at the terminal", "Escape on a page that looks", "Escape"])
+def test_each_way_to_stop_zeroes_the_motor_on_every_page_and_back_to_the_start_repairs(
+    system, tab, chromium, listener, way
+):
     looking = Tab(chromium)
     looking.page.goto(system.looking)
     looking.until_text("state", "^engaged$")
@@ -100,22 +103,24 @@ def test_each_way_to_stop_zeroes_the_motor_on_every_page_and_back_to_the_start_r
         tab.page.mouse.move(button["x"] + 20, button["y"] + 10)
         tab.page.mouse.down()
 
-    keys = [lambda: system.press(" ")] + [
-        lambda page=page: page.page.keyboard.press("Escape") for page in (looking, tab)
-    ]
-    for stop in (hold_the_button, *keys):
-        tab.engage()
-        push_down(tab)
-        began = time.monotonic()
-        stop()
-        zero = zero_since(listener, began)
-        tab.page.mouse.up()  # it was heard before the button is let go
-        for page in (tab, looking):
-            page.until_text("state", "fault: Emergency stop")
-        listener.until(lambda: apart(listener) < 1e-3, "a hand that has let go")
-        assert {force for at, force in listener.motor() if at >= zero} == {0.0}, "and it stays so"
-        tab.page.click("#start_scene")
-        tab.until_text("state", "^engaged$")
+    stop = {
+        "the button": hold_the_button,
+        "space at the terminal": lambda: system.press(" "),
+        "Escape on a page that looks": lambda: looking.page.keyboard.press("Escape"),
+        "Escape": lambda: tab.page.keyboard.press("Escape"),
+    }[way]
+    tab.engage()
+    push_down(tab)
+    began = time.monotonic()
+    stop()
+    zero = zero_since(listener, began)
+    tab.page.mouse.up()  # it was heard before the button is let go
+    for page in (tab, looking):
+        page.until_text("state", "fault: Emergency stop")
+    listener.until(lambda: apart(listener) < 1e-3, "a hand that has let go")
+    assert {force for at, force in listener.motor() if at >= zero} == {0.0}, "and it stays so"
+    tab.page.click("#start_scene")
+    tab.until_text("state", "^engaged$")
     assert looking.complaints == tab.complaints == []
     looking.page.close()
 
