@@ -48,7 +48,7 @@
 /* each block has the word of its sequence lock before it */
 #define HAPTIC_DEVICE_LOCK 8
 #define HAPTIC_DEVICE_FIRST 9
-#define HAPTIC_DEVICE_WORDS 11 /* session, latched, status, alive, counts 3, drag 3 (float64 bits), delay */
+#define HAPTIC_DEVICE_WORDS 12 /* session, latched, status, alive, counts 3, drag 3 (float64 bits), delay, stamp error */
 #define HAPTIC_SERVO_LOCK 32
 #define HAPTIC_SERVO_FIRST 33
 #define HAPTIC_SERVO_WORDS 8 /* session, written, next deadline, period, engaged, motor 3 (float64 bits) */
@@ -71,6 +71,7 @@ typedef struct {
     int file;
     int stale;       /* 1: the page was left by owners that had died */
     int64_t session; /* a number of this run */
+    int64_t stamp_error; /* to be set where it is not 0: half-width of what is not known of `latched` [ns] */
     int64_t seen;    /* sequence of the servo's last write that was looked at */
     char path[256];
     char error[512]; /* why haptic_open failed: one sentence */
@@ -185,7 +186,7 @@ static inline int haptic_read_servo(haptic_page *page, haptic_command *command, 
 /*
  * Tells the servo what was latched: counts of x, y, theta; drag, the measured force of the physical damper [N, N, N m],
  * NULL where it is not measured; status, of the bits above; delay, how late the motor acts after the servo's write
- * [ns], 0 where it is not measured (haptic_p99 follows it). latched must be the time of these counts, and never before
+ * [ns], 0 where it is not measured (haptic_p99 follows it), with page->stamp_error in it. latched must be the time of these counts, and never before
  * the deadline that they answer.
  */
 static inline void haptic_write_device(haptic_page *page, int64_t latched, int64_t status, const int64_t counts[3],
@@ -200,6 +201,7 @@ static inline void haptic_write_device(haptic_page *page, int64_t latched, int64
     if (drag != NULL)
         memcpy(block + 7, drag, 3 * sizeof *drag);
     block[10] = delay;
+    block[11] = page->stamp_error;
     haptic_publish(page->words, HAPTIC_DEVICE_LOCK, HAPTIC_DEVICE_FIRST, block, HAPTIC_DEVICE_WORDS);
 }
 

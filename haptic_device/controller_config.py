@@ -27,7 +27,7 @@ def settings_of(device):
     settings = np.zeros(1, records.SETTINGS)
     settings["axes"], described = len(device.axes), settings["hardware"][0]
     described["scale"] = device.scale[0], device.scale[0], device.scale[1]
-    described["delay"] = device.sensing_delay + device.actuation_delay
+    described["delay"], described["stamp_error"] = device.sensing_delay + device.actuation_delay, device.stamp_error
     for i, axis in enumerate(device.axes):
         described["position_per_count"][i] = axis.encoder_sign / axis.counts_per_unit
         described["zero"][i] = -axis.zero
@@ -84,7 +84,7 @@ def settings_from(device, values, version=0):
     _set_walls(settings, values)
     _set_exchange(settings, values)
     settings["passivity"]["cross"] = gain_check.cross(settings[0])
-    return gain_check.counted(settings, float(settings["hardware"]["delay"][0]))
+    return gain_check.counted(settings, gain_check.delays(settings[0]))
 
 
 def _set_exchange(settings, values):

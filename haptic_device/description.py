@@ -100,6 +100,7 @@ class Device(Part):
         gravity_compensation: whether the driver compensates that weight.
         sensing_delay (float): time from the position to its sample [s].
         actuation_delay (float): time from the command to its force [s].
+        stamp_error (float): half-width of what is not known of the time of a sample [s].
         scale (tuple[float, float]): world metres per device metre, and radians per radian. The hand feels a world
             stiffness scale² times.
         homing: with `at_start`, home is where the handle is when the driver starts.
@@ -123,6 +124,7 @@ class Device(Part):
     gravity_compensation: bool = True
     sensing_delay: Annotated[NotNegative, Field(le=0.1), Unit("s")] = 0.0
     actuation_delay: Annotated[NotNegative, Field(le=0.04), Unit("s")] = 0.0
+    stamp_error: Annotated[NotNegative, Field(le=0.01), Unit("s")] = 0.0
     scale: tuple[Positive, Positive] = (1.0, 1.0)
     homing: Literal["absolute", "at_start"] = "absolute"
     home: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)

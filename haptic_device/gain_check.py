@@ -14,6 +14,14 @@ JOINTLY = 1e-6  # N/m to which the stiffness that walls and coupling allow toget
 PRECISE = 1e-4  # of a lateness that is too much, to which the most is found
 
 
+def delays(settings):
+    """How late forces act [s] where the writes are on time: the device's delays, and the error of its stamps.
+
+    settings: one record. A sample may be that much older than its stamp says.
+    """
+    return float(settings["hardware"]["delay"] + settings["hardware"]["stamp_error"])
+
+
 def counted(settings, lateness):
     """The same SETTINGS array of one, with what is left of the damping where forces act this late [s]; see margins."""
     known = settings["passivity"]
@@ -184,10 +192,10 @@ def shortfall(settings, lateness):
     if refusal(settings, 0.0):
         both = zip(_blames(settings, lateness), _blames(settings, 0.0), strict=True)
         return next((late for late, in_time in both if in_time), sentence)
-    delays, most = float(settings["hardware"]["delay"]), most_lateness(settings, lateness)
+    own, most = delays(settings), most_lateness(settings, lateness)
     return (
-        f"forces act {lateness * 1e3:.3g} ms late (99 % of the writes within {(lateness - delays) * 1e3:.3g} ms, the "
-        f"device's delays {delays * 1e3:.3g} ms), and these gains leave at most {most * 1e3:.3g} ms: lower them, or "
+        f"forces act {lateness * 1e3:.3g} ms late (99 % of the writes within {(lateness - own) * 1e3:.3g} ms, the "
+        f"device's delays {own * 1e3:.3g} ms), and these gains leave at most {most * 1e3:.3g} ms: lower them, or "
         "see haptic doctor"
     )
 

@@ -118,7 +118,7 @@ def _too_late(document, path, measure) -> str:
     if values["passivity.policy"] != "enforce" or (late := measure(values)) is None:
         return ""
     settings = controller_config.settings_from(load_device(values["device"]), values)[0]
-    delays = float(settings["hardware"]["delay"])
+    delays = gain_check.delays(settings)
     sentence = next(gain_check.refusals(settings, delays + late, delays), "")
     return f"99 % of the writes here are within {late * 1e3:.3g} ms, and {sentence}" if sentence else ""
 
@@ -214,7 +214,7 @@ def _driver(measure, device, values, wrong) -> Iterator[str]:
         yield f"{error}{told}"
         return
     if values["passivity.policy"] == "enforce":
-        lateness = float(settings["hardware"]["delay"])
+        lateness = gain_check.delays(settings)
         if not gain_check.refusal(settings, lateness):
             return
         late = measure(values)

@@ -22,7 +22,7 @@ def device_figures(name: str, period: float) -> dict:
         "physical_damping": axis.damping,
         "coulomb": axis.coulomb,
         "resolution": 1.0 / axis.counts_per_unit,
-        "delay_samples": (device.sensing_delay + device.actuation_delay) / period,
+        "delay_samples": (device.sensing_delay + device.actuation_delay + device.stamp_error) / period,
     }
 
 

@@ -47,18 +47,40 @@ def follow(wished, state):
     """Brings gains, limits, walls and cancellation in force nearer to those that are wished for.
 
     All that are on their way share the slew. What falls goes first: so no gains are in force together that need more
-    damping than the last ones that were all in force, or those that will be.
+    damping than the last ones that were all in force, or those that will be. While the tank is in debt the dampers of
+    coupling and walls are none: they could give more.
     """
-    now, motion = state.in_force, state.motion
     # where the handle is nobody knows on old counts
-    if state.change.going == 0.0 or motion.stale_ticks > 0.0:
+    if state.motion.stale_ticks > 0.0:
         return
+    if state.change.going > 0.0:
+        _follow(wished, state.in_force, state)
+    if state.tank.level < 0.0 and state.in_force.exchange.method != exchange_samples.DIRECT:
+        _hold_dampers(state.in_force, state)
+
+
+@njit
+def _hold_dampers(now, state):
+    """No dampers from now on; they come back as any gains do, when they are paid."""
+    held = 0.0
+    for i in range(int(now.axes)):
+        held += abs(now.coupling.damping[i])
+        now.coupling.damping[i] = 0.0
+    for j in range(int(now.wall.count)):
+        held += now.wall.damping[j]
+        now.wall.damping[j] = 0.0
+    if held > 0.0:
+        state.change.going, state.hold.regained = OTHERS + now.wall.count, 1.0
+
+
+@njit
+def _follow(wished, now, state):
     share, falling = 1.0 / state.change.going, not _fallen(wished, now)
     going = _follow_limits(wished, now, state, share)
     going += _follow_coupling(wished, now, state, share, falling)
     going += _follow_cancellation(wished, now, state, falling)
     going += bumpless_walls.follow(wished, now, state, share, falling)
-    virtual_wall.measure_depths(now.wall, state.walls, motion.handle)
+    virtual_wall.measure_depths(now.wall, state.walls, state.motion.handle)
     state.change.going = going
 
 

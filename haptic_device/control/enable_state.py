@@ -33,14 +33,17 @@ def force_ramp(state, factor, period, time):
 
 
 @kernel
-def advance(settings, enable, fault, motion, sensors, output):
-    """State and force ramp of this tick, from the command word and the force that is wanted."""
+def advance(settings, enable, fault, motion, sensors, near, output):
+    """State and force ramp of this tick, from the command word and the force that is wanted.
+
+    near: whether the tool, if the coupling pulls to it at all, pulls little though its samples are not old.
+    """
     command, limits = int(sensors.command), settings.engage
     enabled = (command & ENABLE) != 0 and (command & CLUTCH) == 0
     wanted_x = output.force_walls[0] + output.force_coupling[0]
     wanted_y = output.force_walls[1] + output.force_coupling[1]
     # nobody is pushed by what stood there before: engaging waits for a small force
-    small = math.hypot(wanted_x, wanted_y) < limits.force and abs(output.force_coupling[2]) < limits.torque
+    small = math.hypot(wanted_x, wanted_y) < limits.force and abs(output.force_coupling[2]) < limits.torque and near
     enable.state = engage_state(int(enable.state), enabled, fault.code != 0.0, small, enable.ramp)
     enable.ramp_before = enable.ramp
     ramp = force_ramp(int(enable.state), enable.ramp, settings.period, limits.time)

@@ -26,32 +26,33 @@ def hold_ended(settings, tank, spring, hold, motion, enable, sensors, damper_fil
         tank.filled, tank.level, tank.sample_before = 1.0, settings.exchange.budget, sensors.latched
         _open_window(settings, tank, motion, sensors.latched)
     _set_aside(settings, tank, hold)
-    # the hold lasts from sample to sample, not from deadline to deadline
+    # the hold lasts from sample to sample, not from deadline to deadline; where their times are not sure, `longest`
     time = (sensors.latched - tank.sample_before) * 1e-9
+    held, longest = time if motion.unsure == 0.0 else motion.held, time + motion.unsure
     cut = int(sensors.device_status) & faults.CUT
     _count_given(settings, tank, hold, motion, sensors.latched, time, cut)
     # a write later than what is counted with is no hold to earn anything by
-    late = sensors.write_delay - (settings.passivity.lateness - settings.hardware.delay)
+    late = sensors.write_delay - (settings.passivity.lateness - settings.hardware.delay - settings.hardware.stamp_error)
     regained = settings.version != tank.version  # damper and surplus of the hold that ends are not these
     if cut and spring.factor_held > 0.0:
         _forget_spring(settings, tank, spring)
         _open_window(settings, tank, motion, sensors.latched)
-    elif regained or late > ROUNDING or max(time, tank.hold_before) > LONG * settings.period:
+    elif regained or late > ROUNDING or max(held, tank.hold_before) > LONG * settings.period:
         _charge_late_write(settings, tank, spring, max(0.0, late))
         _count_drawn(settings, tank, spring, hold, motion, enable)
-        _charge_changes(settings, tank, hold, motion, enable, time)
+        _charge_changes(settings, tank, hold, motion, enable, longest)
         _charge_long_hold(settings, tank, spring, hold, motion, sensors.latched, time)
         owes = max(0.0, -tank.level)
-        tank.owed = owes if time > LONG * settings.period else min(tank.owed, owes)
+        tank.owed = owes if held > LONG * settings.period else min(tank.owed, owes)
         _open_window(settings, tank, motion, sensors.latched)
     else:
         _count_drawn(settings, tank, spring, hold, motion, enable)
-        _charge_changes(settings, tank, hold, motion, enable, time)
+        _charge_changes(settings, tank, hold, motion, enable, longest)
         if hold.regained > 0.0:  # between one surplus and another nothing is earned
             _open_window(settings, tank, motion, sensors.latched)
         _count_dissipated(settings, tank, spring, hold, motion, sensors.latched, damper_fills)
         tank.owed = min(tank.owed, max(0.0, -tank.level))
-    tank.sample_before, tank.hold_before, tank.version = sensors.latched, time, settings.version
+    tank.sample_before, tank.hold_before, tank.version = sensors.latched, held, settings.version
     hold.regained = 0.0
 
 
@@ -99,11 +100,12 @@ def _count_given(settings, tank, hold, motion, now, time, cut):
         return
     for i in range(int(settings.axes)):
         way = _sure_way(settings, tank, motion, i)
-        mean, square = actuation_delay.acted(hold, hold.coupling_written, i, now, time)
+        mean, square, off = actuation_delay.acted(hold, hold.coupling_written, i, motion, now, time)
+        longest = time + motion.unsure
         if cut:  # Σ (f − f̄)² τ is most where half of the time had no force
-            square += 0.25 * mean * mean * time
-        tank.given += max(0.0, mean * way) if cut else mean * way
-        tank.given += passivity.energy_spread(square, tank.own[i], settings.hardware.velocity_limit[i], time)
+            square += 0.25 * mean * mean * longest
+        tank.given += (max(0.0, mean * way) if cut else mean * way) + off * abs(way)
+        tank.given += passivity.energy_spread(square, tank.own[i], settings.hardware.velocity_limit[i], longest)
 
 
 @njit
@@ -213,7 +215,7 @@ def _forget_spring(settings, tank, spring):
 @njit
 def _open_window(settings, tank, motion, latched):
     """With the midpoint of the hold that ends now, a window begins."""
-    tank.window_start, tank.window_holds = latched, 0.0
+    tank.window_start, tank.window_error, tank.window_holds = latched, motion.sample_error, 0.0
     for i in range(int(settings.axes)):
         tank.window_from[i] = tank.midpoint[i] = motion.device_position[i] - 0.5 * motion.moved[i]
         tank.counted[i] = 0.0
@@ -229,20 +231,22 @@ def _charge_long_hold(settings, tank, spring, hold, motion, now, time):
     """
     if time <= 0.0:
         return
+    longest = time + motion.unsure
     for i in range(int(settings.axes)):
         damping, fastest = settings.hardware.damping[i], settings.hardware.velocity_limit[i]
         left = (1.0 - hold.cancelling) * damping if settings.wall.count == 0.0 else 0.0
-        mean, spread = actuation_delay.acted(hold, hold.written, i, now, time)
+        mean, spread, off = actuation_delay.acted(hold, hold.written, i, motion, now, time)
         # what acted late is not what the ticks of this hold commanded
         gained = max(0.0, (mean - hold.force[i]) * motion.moved[i] - hold.change[i] * motion.moved[i] / time)
+        gained += off * abs(motion.moved[i])
         gained += _spring_gained(settings, tank, spring, motion, i)
-        gained += _damper_gained(settings, spring, hold, i, settings.hardware.scale[i] * motion.moved[i], time)
-        tank.level -= max(0.0, gained - left * motion.moved[i] ** 2 / time)
-        cancelled = max(0.0, _cancellation_gained(settings, hold, i, motion.moved[i], time))
+        gained += _damper_gained(settings, spring, hold, i, settings.hardware.scale[i] * motion.moved[i], longest)
+        tank.level -= max(0.0, gained - left * motion.moved[i] ** 2 / longest)
+        cancelled = max(0.0, _cancellation_gained(settings, hold, i, motion.moved[i], longest))
         tank.level -= cancelled
         tank.given += cancelled
         # the force of before, which acted first
-        tank.level -= passivity.energy_spread(spread, damping, fastest, time)
+        tank.level -= passivity.energy_spread(spread, damping, fastest, longest)
 
 
 @njit
@@ -309,30 +313,32 @@ def _cancellation_gained(settings, hold, i, moved, time):
 def _count_dissipated(settings, tank, spring, hold, motion, latched, damper_fills):
     """What the way of the midpoints shows to have been dissipated in this window, less what has been counted."""
     if tank.window_holds >= set_position.WINDOW:
-        tank.window_start, tank.window_holds = tank.sample_before, 0.0
+        tank.window_start, tank.window_error = tank.sample_before, motion.unsure * 1e9 - motion.sample_error
+        tank.window_holds = 0.0
         for i in range(int(settings.axes)):
             tank.window_from[i], tank.counted[i] = tank.midpoint[i], 0.0
     tank.window_holds += 1.0
-    elapsed = (latched - tank.window_start) * 1e-9
+    elapsed = (latched - tank.window_start + tank.window_error + motion.sample_error) * 1e-9
     for i in range(int(settings.axes)):
         tank.midpoint[i] = motion.device_position[i] - 0.5 * motion.moved[i]
         way, step = tank.midpoint[i] - tank.window_from[i], abs(settings.hardware.position_per_count[i])
         counted = set_position.dissipated(tank.counted[i], way, step, elapsed)
         # (1): (b − c) ∫ v² dt, of which only the growth since the last tick
-        worth = _worth(settings, tank, spring, i, damper_fills and not hold.limited[i])
+        worth = _worth(settings, tank, spring, motion, i, damper_fills and not hold.limited[i])
         tank.level += worth * (counted - tank.counted[i])
         tank.given -= tank.own[i] * (counted - tank.counted[i])
         tank.counted[i] = counted
 
 
 @njit
-def _worth(settings, tank, spring, i, damper_fills):
+def _worth(settings, tank, spring, motion, i, damper_fills):
     """What ∫ v² dt fills in [N s/m]: b − c, and what the coupling's damper takes beside its bound."""
     surplus = max(0.0, tank.surplus[i])
     if not damper_fills or settings.velocity.estimator != velocity_estimator.BACKWARD_DIFFERENCE:
         return surplus
-    # only what it takes on time is a square of midpoints
+    # only what it takes on time is a square of midpoints, of a velocity over the hold and twice its error at most
     on_time = max(0.0, 1.0 - settings.passivity.lateness / settings.period)
+    on_time *= settings.period / (settings.period + 2.0 * motion.unsure)
     damper = 2.0 * on_time * spring.factor_held * settings.coupling.damping[i] * settings.hardware.scale[i] ** 2
     cancelled = settings.cancellation.ratio * settings.hardware.damping[i]
     return surplus + max(0.0, damper - cancelled)

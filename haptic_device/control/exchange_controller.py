@@ -67,7 +67,6 @@ def _fade(settings, fade, enable, tool, output):
     """The coupling's factor for a tool sample of this age; a tool that (re)joins must be near."""
     # a tool that comes while the force is on must come with a small force
     joining = enable.ramp > 0.0 and fade.factor == 0.0
-    joining = joining and not exchange_samples.is_modulated(settings.exchange.method)
     age = -1.0 if joining and not tool_is_near(settings, tool, output.position) else tool.age
     full, chosen = fade.factor >= 1.0, settings.exchange
     fade.factor = exchange_samples.fade_factor(fade.factor, age, settings.period, chosen.hold, chosen.fade)
@@ -128,10 +127,7 @@ def _stay(settings, state, tool, output):
 
 @kernel
 def tool_is_near(settings, tool, handle):
-    """Whether the coupling to a tool that (re)joins would begin with a small force, as engaging does.
-
-    With pspm nobody asks: there the tank pays for a stretch that comes back, or shortens it.
-    """
+    """Whether the coupling to a tool that (re)joins would begin with a small force, as engaging does."""
     stiffness = settings.coupling.stiffness
     # as engaging: in the plane and about theta apart
     pull_y = stiffness[1] * (tool.position[1] - handle[1]) if settings.axes > 1.0 else 0.0

@@ -32,21 +32,23 @@ def hold_ended(settings, observer, hold, motion, spring, walls, enable, sensors)
     elapsed = motion.elapsed
     if elapsed <= 0.0:
         return
+    longest = elapsed + motion.unsure
     _spring_growth(settings, observer, motion, spring, enable.ramp)
     walls_grown = _wall_growth(settings, observer, hold, motion, walls, enable.ramp)
     actuation_delay.keep_ways(hold, motion)
     for i in range(int(settings.axes)):
-        mean, spread = actuation_delay.acted(hold, hold.written, i, motion.sample_time, elapsed)
+        mean, spread, off = actuation_delay.acted(hold, hold.written, i, motion, motion.sample_time, elapsed)
         moved, damping, store = motion.moved[i], settings.hardware.damping[i], observer.store[i]
         lifted = enable.ramp * settings.hardware.gravity[i]  # compensation only carries the handle's weight
         fastest = settings.hardware.velocity_limit[i]
-        given = passivity.energy_booked(mean - lifted, moved, damping, elapsed)
-        observer.energy_given[i] += given + passivity.energy_spread(spread, damping, fastest, elapsed)
-        observer.store[i] = passivity.damping_store(observer.damper[i], moved, elapsed)
+        given = passivity.energy_booked(mean - lifted, moved, damping, longest)
+        unknown = off * abs(moved)
+        observer.energy_given[i] += given + passivity.energy_spread(spread, damping, fastest, longest) + unknown
+        observer.store[i] = passivity.damping_store(observer.damper[i], moved, longest)
         observer.store[i] += actuation_delay.late_store(settings, observer, hold, i)
         credited = observer.damping_credit * damping
-        made = passivity.energy_generated(mean - observer.cancelled[i], moved, observer.growth[i], credited, elapsed)
-        made += passivity.energy_spread(spread, credited, fastest, elapsed) + observer.by_settings[i]
+        made = passivity.energy_generated(mean - observer.cancelled[i], moved, observer.growth[i], credited, longest)
+        made += passivity.energy_spread(spread, credited, fastest, longest) + observer.by_settings[i] + unknown
         made -= _prepaid(spring, i, made, settings.passivity.lateness / settings.period)
         # never below zero: what the past has lost pays for nothing later (Hannaford & Ryu 2002)
         observer.observed_energy[i] = max(0.0, observer.observed_energy[i] + made + observer.store[i] - store)
@@ -55,7 +57,7 @@ def hold_ended(settings, observer, hold, motion, spring, walls, enable, sensors)
         observer.by_settings[i] = 0.0
         # good ticks pay back what missed ones gave
         observer.missed_tick_energy = max(0.0, observer.missed_tick_energy + min(0.0, made))
-    if elapsed > LONG * settings.period and not int(sensors.device_status) & faults.CUT:
+    if motion.held > LONG * settings.period and not int(sensors.device_status) & faults.CUT:
         _book_long_hold(settings, observer, hold, motion, walls_grown)
 
 
@@ -150,7 +152,8 @@ def _book_long_hold(settings, observer, hold, motion, walls_grown):
     """
     given = walls_grown
     for i in range(min(2, int(settings.axes))):
-        lost = (1.0 - hold.cancelling) * settings.hardware.damping[i] * motion.moved[i] ** 2 / motion.elapsed
+        longest = motion.elapsed + motion.unsure
+        lost = (1.0 - hold.cancelling) * settings.hardware.damping[i] * motion.moved[i] ** 2 / longest
         given += hold.walls[i] * settings.hardware.scale[i] * motion.moved[i] - lost
     observer.missed_tick_energy = max(0.0, observer.missed_tick_energy + settings.passivity.control * given)
 
@@ -200,8 +203,8 @@ def inject(settings, observer, motion, walls, output):
     acted = 1.0 if walls.release > 0.0 and walls.touched > 0.0 else 0.0
     limits, device = settings.passivity, settings.hardware
     for i in range(AXES):
-        # b where it acts on time, and late no more than what no gain needs
-        late = min(1.0, limits.lateness / settings.period)
+        # b where it acts on time; late, or where times are not sure, no more than what no gain needs
+        late = min(1.0, limits.lateness / settings.period) if motion.unsure == 0.0 else 1.0
         most = limits.surplus[i] + (1.0 - late) * (device.damping[i] - limits.surplus[i])
         most = most / math.sqrt(1.0 + late) if limits.control else 0.0
         generated, velocity = observer.observed_energy[i] - observer.paid[i], motion.device_velocity[i]

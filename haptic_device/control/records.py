@@ -22,8 +22,10 @@ def record(names: str, **tables) -> np.dtype:
     return np.dtype([(name, "f8", shape) for name, shape in (*split, *tables.items())])
 
 
-SENSORS = record(  # deadline, latched [ns of CLOCK_MONOTONIC]; lateness, compute (of the tick before), write_delay [s]
-    "tick deadline lateness compute write_delay missed parameter_version command latched counts* drag* device_status"
+SENSORS = record(  # deadline, latched [ns of CLOCK_MONOTONIC]; lateness, compute (of the tick before), write_delay [s];
+    # stamp_error: half-width of what is not known of latched [ns]
+    "tick deadline lateness compute write_delay missed parameter_version command latched stamp_error"
+    " counts* drag* device_status"
 )
 TOOL_SAMPLE = record(  # the simulation's newest answer; contact_*: the set of local contacts that counts; ages [s]
     "session sequence answered age position* velocity* effort* contact energy contact_set contact_age handle_sequence"
@@ -57,7 +59,7 @@ SETTINGS = np.dtype(
             "hardware",
             record(
                 "position_per_count* zero* scale* motor_per_force* motor_limit* gravity* damping*"
-                " position_low* position_high* velocity_limit* delay"
+                " position_low* position_high* velocity_limit* delay stamp_error"  # stamp_error: counted beside delay
             ),
         ),
         ("force", record("limit*")),
@@ -87,15 +89,16 @@ CONTACTS = record(
 )
 STATE = np.dtype(
     [
-        # sensing: device units but for handle*, which is in the world; handle_before, elapsed: of this tick
+        # sensing: device units but for handle*, which is in the world. Of this tick: handle_before; time since the last
+        # sample (elapsed), by how much it may be another (unsure), and without missed ticks (held) [s]
         (
             "motion",
             record(
-                "started sample_time stale_ticks elapsed device_position* device_velocity* moved* handle*"
-                " handle_before* clutch_offset* clutched"
+                "started sample_time sample_error sample_deadline stale_ticks elapsed unsure held device_position*"
+                " device_velocity* moved* handle* handle_before* clutch_offset* clutched"
             ),
         ),
-        ("samples", record("count times^ x^ y^ theta^")),
+        ("samples", record("count times^ errors^ x^ y^ theta^")),
         ("compensation", record("drag*")),  # damping_compensation
         # motor: what was held since the last sample, and by how much and how long it was not the first of it;
         # wall_springs, wall_dampers, coupling_spring: wanted, in the world; clipped: what the limits leave out of the
@@ -148,7 +151,7 @@ STATE = np.dtype(
             record(
                 "filled version level owed shipped returned tool_session tool_energy shortened"
                 " short lateness left* price* surplus* own* given followed*"
-                " midpoint* window_from* window_start window_holds counted* sample_before hold_before"
+                " midpoint* window_from* window_start window_error window_holds counted* sample_before hold_before"
             ),
         ),
         ("waves", record("answered oldest rate* wave* store pending* received* sent*")),  # exchange_wave

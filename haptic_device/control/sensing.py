@@ -9,7 +9,8 @@ from haptic_device.jit import kernel, njit
 def sense(settings, motion, samples, compensation, fault, sensors, output):
     """Fills in motion and samples, and the output's position and velocity; latches what is wrong with the motion.
 
-    Counts that change without a newer time move nothing: their way counts when such a time has come.
+    Counts that change without a newer time move nothing: their way counts when such a time has come. Where the times
+    have an error the handle took as long as they allow (docs/theory/passivity.md): velocities are never too great.
     """
     # between two samples, not two deadlines: backward difference by the device's own time
     motion.elapsed = (sensors.latched - motion.sample_time) * 1e-9 if motion.started else 0.0
@@ -36,18 +37,25 @@ def sense(settings, motion, samples, compensation, fault, sensors, output):
         )
     for i in range(motion.handle.size):
         motion.handle_before[i], motion.handle[i] = motion.handle[i], output.position[i]
-    motion.sample_time = max(motion.sample_time, sensors.latched) if motion.started else sensors.latched
+    if motion.stale_ticks == 0.0:
+        motion.sample_time, motion.sample_error = sensors.latched, sensors.stamp_error
+        motion.sample_deadline = sensors.deadline
     motion.started = 1.0
 
 
 @njit
 def _keep_time(motion, samples, sensors):
-    """A new sample's place in the history."""
+    """A new sample's place in the history, and how well the time since the one before is known."""
     fresh = motion.elapsed > 0.0 or not motion.started
     motion.stale_ticks = 0.0 if fresh else motion.stale_ticks + 1.0
+    motion.unsure = (motion.sample_error + sensors.stamp_error) * 1e-9 if motion.started else 0.0
+    motion.held = motion.elapsed
+    if motion.unsure > 0.0:  # a missed tick shows in the deadlines
+        motion.held = max(motion.elapsed - motion.unsure, (sensors.deadline - motion.sample_deadline) * 1e-9)
     if fresh:
         samples.count += 1.0
-        samples.times[int(samples.count) % velocity_estimator.KEPT] = sensors.latched * 1e-9
+        newest = int(samples.count) % velocity_estimator.KEPT
+        samples.times[newest], samples.errors[newest] = sensors.latched * 1e-9, sensors.stamp_error * 1e-9
 
 
 @njit
@@ -60,12 +68,16 @@ def _velocity(settings, motion, samples, i, position):
     if chosen.estimator == velocity_estimator.ADAPTIVE_WINDOW:
         count = int(min(samples.count, velocity_estimator.KEPT))
         step = 1.01 * abs(settings.hardware.position_per_count[i])  # an end-fit line passes through quantized ends
-        return velocity_estimator.adaptive_velocity(samples.times, history, newest, count, int(chosen.window), step)
+        return velocity_estimator.adaptive_velocity(
+            samples.times, samples.errors, history, newest, count, int(chosen.window), step
+        )
     lag = chosen.lag if chosen.estimator == velocity_estimator.LOWPASS else 0.0
-    return velocity_estimator.velocity_of(motion.device_velocity[i], motion.moved[i], motion.elapsed, lag)
+    longest = motion.elapsed + motion.unsure if motion.elapsed > 0.0 else 0.0
+    return velocity_estimator.velocity_of(motion.device_velocity[i], motion.moved[i], longest, lag)
 
 
 @njit
 def _motion_fault(device, motion, i, position, velocity):
     low, high, limit = device.position_low[i], device.position_high[i], device.velocity_limit[i]
-    return faults.motion_fault(position, velocity, low, high, limit, motion.moved[i], motion.elapsed)
+    longest = motion.elapsed + motion.unsure if motion.elapsed > 0.0 else 0.0
+    return faults.motion_fault(position, velocity, low, high, limit, motion.moved[i], longest)

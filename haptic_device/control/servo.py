@@ -48,7 +48,8 @@ def tick(wished, state, tick):
     passivity_observer.inject(settings, observer, motion, walls, output)
     # whether it may be
     faults.watch(settings, fault, enable, motion, sensors)
-    enable_state.advance(settings, enable, fault, motion, sensors, output)
+    near = output.exchange_fade == 0.0 or exchange_controller.tool_is_near(settings, tool, output.position)
+    enable_state.advance(settings, enable, fault, motion, sensors, near, output)
     bumpless_transfer.pay_for_rise(settings, state, output)
     motor.command(settings, enable, fault, hold, output)
     # what will be held until the next tick

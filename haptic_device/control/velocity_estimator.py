@@ -30,10 +30,11 @@ def velocity_of(previous, displacement, elapsed, lag):
 
 
 @njit
-def adaptive_velocity(times, positions, newest, count, longest, step):
+def adaptive_velocity(times, errors, positions, newest, count, longest, step):
     """End-fit first-order adaptive window (Janabi-Sharifi, Hayward & Chen 2000) [m/s | rad/s].
 
-    times [s] and positions are rings of KEPT samples, `newest` the index of the last, `count` how many there are. The
+    times [s], what they may be wrong by either way (errors) [s] and positions are rings of KEPT samples, `newest` the
+    index of the last, `count` how many there are. A window lasted as long as its ends allow. The
     longest window is taken on whose end-to-end line every sample lies within one encoder step: long at rest, where
     the difference of two samples would be a step over T, short where the motion turns.
     """
@@ -44,10 +45,10 @@ def adaptive_velocity(times, positions, newest, count, longest, step):
         if span <= 0.0:
             break
         # through both ends of the window
-        slope = (positions[newest] - positions[oldest]) / span
-        if not _on_line(times, positions, newest, window, slope, step):
+        way = positions[newest] - positions[oldest]
+        if not _on_line(times, positions, newest, window, way / span, step):
             break
-        velocity = slope
+        velocity = way / (span + errors[newest] + errors[oldest])
     return velocity
 
 

@@ -7,7 +7,7 @@ A cause counts where it lasts (haptic_device/withheld_time.py): for a moment a d
 
 from typing import NamedTuple
 
-from haptic_device.control import enable_state, exchange_controller, exchange_samples, faults
+from haptic_device.control import enable_state, exchange_controller, faults
 from haptic_device.jit import kernel, njit
 
 CLUTCH, WAITING, NO_TOOL, FAR_TOOL, OLD_TOOL, TANK, RELEASED, UNPAID, CHANGE, LIMIT = (1 << bit for bit in range(10))
@@ -121,7 +121,7 @@ def _why_faded(settings, state, tool, output):
         return 0
     if tool.age < 0.0:
         return NO_TOOL
-    gone = output.exchange_fade == 0.0 and not exchange_samples.is_modulated(chosen.method)
+    gone = output.exchange_fade == 0.0
     # the stage that lets it go has refused this sample for where it is, not for its age
     if gone and tool.age <= chosen.hold and not exchange_controller.tool_is_near(settings, tool, output.position):
         return FAR_TOOL

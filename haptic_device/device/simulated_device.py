@@ -120,6 +120,7 @@ def serve(words, control, truth_mail, session, device, memory, motion, truth):
             sample[hardware_interface.COUNTS :],
             sample[hardware_interface.DRAG :],
             0,
+            0,
         )
         _tell(truth_mail, memory[0], motion[0], truth, driven)
         clock.sleep_until(announced + (period // 4 if driven else FREE_STEP), scratch)

@@ -223,7 +223,16 @@ def _pass_on(state, words, control, session, now, m, room):
     status = room.answer[codec.STATUS] | (0 if m.driven else shared_memory.WATCHDOG)
     counts, drag = room.answer[codec.COUNTS : codec.COUNTS + 3], room.answer[codec.DRAG : codec.DRAG + 3]
     shared_memory.write_device(
-        words, room.block, session, latched, status, now, counts, drag.view(np.float64), state[codec.DELAY]
+        words,
+        room.block,
+        session,
+        latched,
+        status,
+        now,
+        counts,
+        drag.view(np.float64),
+        state[codec.DELAY],
+        room.answer[codec.STAMP_ERROR],
     )
     futex.wake(words, shared_memory.DEVICE_LOCK)
     return m.driven and latched >= m.announced

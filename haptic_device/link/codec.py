@@ -34,8 +34,9 @@ NOTHING, SAMPLE, TRUTH = range(3)  # kinds of answers
 
 # words of an answer; DRAG and TRUTH_FIRST: float64 bits
 KIND, LATCHED, STATUS, COUNTS, DRAG, DEADLINE = 0, 1, 2, 3, 6, 9  # DEADLINE: host's, that the sample answers; 0: none
-TRUTH_FIRST, TRUTH_WORDS = 10, 22  # fields of device/simulated_device.TRUTH in their order
-ANSWER = 32
+STAMP_ERROR = 10  # [ns] half-width of what is not known of LATCHED
+TRUTH_FIRST, TRUTH_WORDS = 11, 22  # fields of device/simulated_device.TRUTH in their order
+ANSWER = 33
 
 # words of the state that any codec keeps, for the loop and the node; its own begin at OWN
 READY = 0  # 1: a device answers and commands can be sent

@@ -276,7 +276,8 @@ def _take(state, now, degrees, answer):
 @njit
 def _tell(state, now, answer):
     deadline = state[REQUEST_DEADLINE] if state[ASKED_FOR] == FOR_SAMPLE else 0
-    answer[c.KIND], answer[c.LATCHED] = c.SAMPLE, request_timing.latched(state, deadline, now)
+    answer[c.KIND] = c.SAMPLE
+    request_timing.latched(state, deadline, now, answer)
     answer[c.DEADLINE] = deadline
     answer[c.STATUS] = CLAMPED * state[IS_CLAMPED] + BROKEN * state[IS_SHIFTED]
     for i in range(2):

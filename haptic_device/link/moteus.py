@@ -245,7 +245,8 @@ def _take(state, now, answer):
     if wanted == FOR_EFFECT:
         return
     deadline = deadline if wanted == FOR_SAMPLE else 0
-    answer[c.KIND], answer[c.LATCHED] = c.SAMPLE, request_timing.latched(state, deadline, now)
+    answer[c.KIND] = c.SAMPLE
+    request_timing.latched(state, deadline, now, answer)
     answer[c.DEADLINE], answer[c.STATUS] = deadline, _status(state)
     for axis in range(state[c.AXES]):
         answer[c.COUNTS + axis] = state[PLACES + axis]

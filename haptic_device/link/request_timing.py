@@ -49,10 +49,14 @@ def answered(state, now):
 
 
 @njit
-def latched(state, deadline, now):
-    """Time of the sample in an answer that is there now: not before its deadline, nor before the last one [ns]."""
-    state[LAST_LATCHED] = max(state[LAST_LATCHED], deadline, _middle(state, now))
-    return state[LAST_LATCHED]
+def latched(state, deadline, now, answer):
+    """Time of the sample in an answer that is there now [ns], and its error: not before its deadline, nor the last one.
+
+    The sample was taken between request and answer.
+    """
+    at = max(state[LAST_LATCHED], deadline, _middle(state, now))
+    state[LAST_LATCHED] = answer[codec.LATCHED] = at
+    answer[codec.STAMP_ERROR] = max(abs(now - at), abs(at - state[SENT]))
 
 
 @njit

@@ -2,13 +2,14 @@
 """How the servo reaches a device: the hardware interface, and the one to a device in shared memory.
 
 A hardware interface has `memory` (int64 array, its own), `read` and `write` (compiled with the signatures below),
-`present()`, whether the device answers, `delay()`, how late the motor acts after a write as the link measures it [s]
-(0: not known), and `close()`. Another device is one more file with such a class;
-haptic_sim/supervision/conformance.py checks any against this text.
+`present()`, whether the device answers, `delay()`, how late the motor acts after a write as the link measures it, from
+the earliest that the counts may be of [s] (0: not known), and `close()`. Another device is one more file with such a
+class; haptic_sim/supervision/conformance.py checks any against this text.
 
 * read(memory, deadline, give_up, sample) → 1 if the sample is of this deadline, 0 if it is older. It may wait for
-  the device until give_up [ns of CLOCK_MONOTONIC], never longer. sample (8): time of sampling [ns], status, counts of
-  x, y, theta, measured damper force of x, y, theta [N | N m]. Counts change with the time only.
+  the device until give_up [ns of CLOCK_MONOTONIC], never longer. sample (9): time of sampling [ns], status, counts of
+  x, y, theta, measured damper force of x, y, theta [N | N m], half-width of what is not known of the time [ns]. Counts
+  change with the time only.
 * status: sum of 2, the watchdog has cut the motor; 4, the e-stop button is pressed; 8, too hot, the motor is cut; 16,
   an end switch is reached; 32, an encoder is broken by the device's own check, the motor is cut; 128, the last motor
   value was clamped. Other bits count for nothing; 1 is the servo's own (control/faults: FRESH).
@@ -28,7 +29,7 @@ from haptic_device.realtime import clock, shared_memory
 WORDS, REALS, WORD = types.int64[::1], types.float64[::1], types.int64
 READ = WORD(WORDS, WORD, WORD, REALS)
 WRITE = WORD(WORDS, WORD, WORD, WORD, WORD, REALS)
-LATCHED, STATUS, COUNTS, DRAG, SAMPLE = 0, 1, 2, 5, 8
+LATCHED, STATUS, COUNTS, DRAG, STAMP_ERROR, SAMPLE = 0, 1, 2, 5, 8, 9
 
 SESSION = shared_memory.WORDS - 1  # word in which the servo keeps the number of its own run, for its writes
 LIVELY = 100_000_000  # [ns] within which a device that is there has written
@@ -51,7 +52,7 @@ class SharedMemoryInterface:
         return self._shared.peer_present() and abs(age) < LIVELY
 
     def delay(self):
-        return max(0, int(self.memory[shared_memory.DEVICE_FIRST + 10])) * 1e-9
+        return max(0, *map(int, self.memory[shared_memory.DEVICE_FIRST + 10 :][:2])) * 1e-9
 
     def close(self):
         self.memory = None  # a view that is left would keep the mapping
@@ -65,6 +66,7 @@ def _read(memory, deadline, give_up, sample):
         return 0
     # a float64 would round a long word, and its low bits away
     sample[LATCHED], sample[STATUS] = block[1], block[2] & faults.DEVICE_BITS
+    sample[STAMP_ERROR] = max(0, block[11])
     reals = block.view(np.float64)
     for i in range(3):
         sample[COUNTS + i], sample[DRAG + i] = block[4 + i], reals[7 + i]

@@ -170,7 +170,7 @@ def run_tick(settings, state, tool, tick, number, deadline, sample, fresh):
 @njit
 def _fill_sensors(sensors, sample, fresh):
     """What the device says; of its status word the bits that a device sets, and FRESH, which is ours."""
-    sensors.latched = sample[hardware_interface.LATCHED]
+    sensors.latched, sensors.stamp_error = sample[hardware_interface.LATCHED], sample[hardware_interface.STAMP_ERROR]
     sensors.device_status = (np.int64(sample[hardware_interface.STATUS]) & faults.DEVICE_BITS) | fresh
     for i in range(AXES):
         sensors.counts[i] = sample[hardware_interface.COUNTS + i]

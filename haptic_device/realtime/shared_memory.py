@@ -27,7 +27,8 @@ ROLE_BYTE = {DEVICE: 0, SERVO: 1}
 GATE_BYTE = 2  # held by who comes or goes, so that nobody opens a file that another one is about to remove
 
 # words of either block, each with its lock before it and apart from the other: no two writers share a cache line
-DEVICE_LOCK, DEVICE_FIRST, DEVICE_WORDS = 8, 9, 11  # session, latched, status, alive, counts 3, drag 3, delay
+DEVICE_LOCK, DEVICE_FIRST = 8, 9
+DEVICE_WORDS = 12  # session, latched, status, alive, counts 3, drag 3, delay, stamp error: 0 by those who know none
 SERVO_LOCK, SERVO_FIRST, SERVO_WORDS = 32, 33, 8  # session, written, next deadline, period, engaged, motor 3
 WATCHDOG = faults.WATCHDOG  # bit of status: the device has cut the motor; the others are there too
 SPIN, PAUSE = 10_000, 30_000  # [ns] that a sample is looked for without a pause; longest pause after that, else woken
@@ -142,18 +143,19 @@ def _request(kind, byte):
 
 
 @kernel
-def write_device(words, block, session, latched, status, alive, counts, drag, delay):
+def write_device(words, block, session, latched, status, alive, counts, drag, delay, stamp_error):
     """Device side: encoder counts and damper forces [N | N m], sampled at `latched` [ns].
 
     block: int64 scratch (DEVICE_WORDS). delay: how late the motor acts after the servo's write, as the link measures
-    it [ns]; 0: not known.
+    it, from the earliest that the counts may be of [ns]; 0: not known. stamp_error: half-width of what is not known of
+    `latched` [ns].
     """
     block[0], block[1], block[2], block[3] = session, latched, status, alive
     reals = block.view(np.float64)
     for i in range(3):
         block[4 + i] = np.int64(counts[i])
         reals[7 + i] = drag[i]
-    block[10] = delay
+    block[10], block[11] = delay, stamp_error
     atomic.publish(words, DEVICE_LOCK, DEVICE_FIRST, block)
 
 

@@ -37,10 +37,17 @@ IN_BAGS = {
 """group.field of a record → its name in the snapshots of all bags that there are; a field renamed since is added here.
 Else it is the field's name alone for groups in ALONE, and group_field."""
 ALONE = {"hardware", "virtual_tool.contacts", *STATE.names} - {"in_force"}
-MADE_ANEW = {"motion.handle_before", "motion.elapsed", "walls.depth", "tank.short"} | {
-    f"hold.{name}" for name in ("wall_springs", "wall_dampers", "coupling_spring", "rest_share")
-}
+MADE_ANEW = (
+    {"walls.depth", "tank.short"}
+    | {f"motion.{name}" for name in ("handle_before", "elapsed", "unsure", "held")}
+    | {f"hold.{name}" for name in ("wall_springs", "wall_dampers", "coupling_spring", "rest_share")}
+)
 """Fields that a tick fills in before it reads them, or leaves at 0: no part of a snapshot."""
+SINCE = {"motion.sample_error", "motion.sample_deadline", "samples.errors", "tank.window_error"} | {
+    "hardware.stamp_error",
+    "in_force.hardware.stamp_error",
+}
+"""Fields that bags of before lack, where they were 0."""
 
 
 def _columns(prefix, dtype, within=""):
@@ -118,6 +125,8 @@ def parts_of(snapshot):
     parts = np.zeros(1, SETTINGS), np.zeros(1, STATE)
     for part, columns in zip(parts, COLUMNS.values(), strict=True):
         for path, name, _ in columns:
+            if name not in snapshot.dtype.names and ".".join(path) in SINCE:
+                continue
             if name not in snapshot.dtype.names:
                 raise ValueError(f"the snapshots lack {name}: the bag was recorded by another version")
             field = _at(part, path)

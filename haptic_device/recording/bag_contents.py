@@ -38,6 +38,7 @@ ENTRY_UNITS = {  # of a JointState's entries that are no axes, in their position
 TRACE_UNITS = {
     "deadline": "ns, CLOCK_MONOTONIC",
     "latched": "ns, CLOCK_MONOTONIC",
+    "stamp_error": "ns",
     "lateness": "s",
     "compute": "s",
     "write_delay": "s",

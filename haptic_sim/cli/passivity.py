@@ -29,6 +29,9 @@ def passivity(
     delay_samples: Annotated[
         float, number("--delay-samples", "periods", help="Loop delay in periods, fractions allowed.")
     ] = 0.0,
+    stamp_error: Annotated[
+        float, number("--stamp-error", "s", help="Half-width of what is not known of a sample's time (s).")
+    ] = 0.0,
     velocity_lag: Annotated[
         float, number("--velocity-lag", "s", help="Time constant of the velocity filter (s).")
     ] = 0.0,
@@ -40,6 +43,8 @@ def passivity(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
 ):
     """Passivity and stability of a wall or coupling on a sampled device (Colgate, Stanley & Brown 1995)."""
+    if period > 0.0:  # a sample may be that much older than its stamp
+        delay_samples += stamp_error / period
     display = Display(
         stiffness, damping, physical_damping, period, mass, delay_samples, velocity_lag, resolution, coulomb
     )

@@ -98,7 +98,7 @@ class Lockstep:
     ):
         self.device, self.simulation, self.network, self._hand = device, simulation, network, hand
         self.settings = controller_config.settings_from(device, driver)
-        gain_check.counted(self.settings, float(self.settings["hardware"]["delay"][0]) + write_delay)
+        gain_check.counted(self.settings, gain_check.delays(self.settings[0]) + write_delay)
         self.gains = controller_config.gains_from(driver)[0]
         self.memory, self.tool = np.zeros(1, records.STATE), np.zeros(1, servo_loop.TOOL)
         self.plant, self.plant_memory, self.motion = loopback_config.hand_from(device, loopback)

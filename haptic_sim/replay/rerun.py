@@ -204,7 +204,7 @@ def replay(hand: Hand, point: Point, network: Network, bag: Path) -> float:
 def _judge(point: Point) -> None:
     """As the driver judges an operating point before it runs."""
     settings = controller_config.settings_from(point.device, point.driver)
-    refused = gain_check.refusal(settings[0], float(settings["hardware"]["delay"][0]))
+    refused = gain_check.refusal(settings[0], gain_check.delays(settings[0]))
     if refused and point.driver["passivity.policy"] == "enforce":
         raise ValueError(refused)
 

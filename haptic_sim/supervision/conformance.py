@@ -13,7 +13,7 @@ import numba
 import numpy as np
 
 from haptic_device.realtime import clock, hardware_interface
-from haptic_device.realtime.hardware_interface import COUNTS, LATCHED, SAMPLE, STATUS
+from haptic_device.realtime.hardware_interface import COUNTS, LATCHED, SAMPLE, STAMP_ERROR, STATUS
 from haptic_device.realtime.shared_memory import WATCHDOG
 
 PERIOD = 1_000_000  # [ns]
@@ -128,16 +128,17 @@ def is_cut(sample) -> bool:
 
 def latches_at_deadlines(interface, motor=SMALL) -> str:
     """Whoever waits gets the sample of his deadline, latched then or later, and of finite numbers."""
-    late = []
+    late, error = [], 0.0
     for tick in drive(interface, 50, motor):
         if tick.fresh != 1:
             raise Violation("no sample of a deadline that had passed")
         if not np.isfinite(tick.sample).all():
             raise Violation(f"a sample has values that are not finite: {tick.sample.tolist()}")
         late.append(tick.sample[LATCHED] - tick.deadline)
+        error = max(error, tick.sample[STAMP_ERROR])
         if late[-1] < 0:
             raise Violation(f"an old sample, latched {-late[-1] / 1e3:.1f} us before its deadline, was called fresh")
-    return f"latched {np.median(late) / 1e3:.1f} us after the deadline (p50)"
+    return f"latched {np.median(late) / 1e3:.1f} us after the deadline (p50), known to {error / 1e3:.3g} us"
 
 
 def keeps_time(interface, motor=SMALL) -> str:

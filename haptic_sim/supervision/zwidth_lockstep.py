@@ -53,7 +53,7 @@ class LockstepDisplay:
     def _play(self, values, seconds, aim, start=0.0):
         """Truth and whether a fault latched, the handle beginning at rest at x = start [m]."""
         settings = controller_config.settings_from(self.device, self.values | values)
-        lateness = float(settings["hardware"]["delay"][0]) + self.delay * 1e-9
+        lateness = gain_check.delays(settings[0]) + self.delay * 1e-9
         settings = gain_check.counted(settings, lateness).view(np.recarray)
         memory = np.zeros(1, records.STATE).view(np.recarray)
         memory.enable.state, memory.enable.ramp = enable_state.ENGAGED, 1.0

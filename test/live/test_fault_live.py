@@ -113,7 +113,7 @@ def hands(ros_domain):
             now, told["motor"] = int(clock.now_ns(scratch)), float(inbox.view(np.float64)[5])
             latched = inbox[2] if abs(int(inbox[2]) - now) < 100_000_000 else now
             counts, drag = np.array([COUNTS * told["x"], 0.0, 0.0]), np.array([told["drag"], 0.0, 0.0])
-            shared_memory.write_device(page.words, outbox, 1, latched, 0, now, counts, drag, 0)
+            shared_memory.write_device(page.words, outbox, 1, latched, 0, now, counts, drag, 0, 0)
 
     serving = threading.Thread(target=serve)
     serving.start()

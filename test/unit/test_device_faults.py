@@ -175,7 +175,9 @@ def test_of_any_word_on_the_page_the_known_bits_are_read_and_no_others():
         """What the servo reads of a device that leaves this status word on the shared page."""
         sample = np.zeros(hardware_interface.SAMPLE)
         block = np.zeros(shared_memory.DEVICE_WORDS, np.int64)
-        shared_memory.write_device(device.words, block, 1, 1000, word, 1000, np.array([5.0, 6.0, 7.0]), np.zeros(3), 0)
+        shared_memory.write_device(
+            device.words, block, 1, 1000, word, 1000, np.array([5.0, 6.0, 7.0]), np.zeros(3), 0, 0
+        )
         assert link.read(link.memory, 1000, 0, sample) == 1
         assert sample[hardware_interface.COUNTS :].tolist() == [5.0, 6.0, 7.0, 0.0, 0.0, 0.0]
         return sample[hardware_interface.STATUS]

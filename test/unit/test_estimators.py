@@ -17,13 +17,13 @@ TICK, STEP = 1 / 4000.0, 1e-5
 
 def velocity_from(positions, longest=16):
     """Adaptive-window velocity at the last of these positions, one a tick, quantized to STEP."""
-    times, ring = np.zeros(velocity_estimator.KEPT), np.zeros(velocity_estimator.KEPT)
+    times, errors, ring = np.zeros((3, velocity_estimator.KEPT))
     for index, position in enumerate(positions):
         times[index % velocity_estimator.KEPT] = index * TICK
         ring[index % velocity_estimator.KEPT] = math.floor(position / STEP + 0.5) * STEP
     count = min(len(positions), velocity_estimator.KEPT)
     return velocity_estimator.adaptive_velocity(
-        times, ring, (len(positions) - 1) % velocity_estimator.KEPT, count, longest, 1.01 * STEP
+        times, errors, ring, (len(positions) - 1) % velocity_estimator.KEPT, count, longest, 1.01 * STEP
     )
 
 

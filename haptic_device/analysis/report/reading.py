@@ -14,7 +14,7 @@ TRACE = np.dtype(  # a tick in a fifth of its full size: ten minutes at 4 kHz th
     [(name, "f8") for name in ("tick", "deadline", "tool_answered", "handle_sequence", "missed")]
     + [(name, "f4", (3,)) for name in ("position", "tool_position", "tool_effort")]
     + [(name, "f4") for name in ("lateness", "compute", "tool_age", "tool_contact", "engage", "fault", "withheld")]
-    + [("device_status", "f4")]
+    + [(name, "f4") for name in ("device_status", "stamp_error")]
     + [("injections", "f8")]  # f4 counts to 2**24 only: four hours at 1 kHz
     + [(name, "f4", (3,)) for name in ("force_coupling", "force_on_handle", "force_walls", "energy_given", "margin")]
 )

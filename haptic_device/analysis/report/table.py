@@ -81,6 +81,8 @@ def _faults(run: Run) -> str:
 def _servo(run: Run) -> Entries:
     found = summary.servo_figures(run.rows)
     yield "rate", f"{found['rate_hz']:.0f} Hz"
+    if np.any(run.rows["stamp_error"] > 0.0):
+        yield "times of samples known to", f"± {digits.amount(float(np.nanmax(run.rows['stamp_error'])) * 1e-9, 's')}"
     yield "missed ticks", MISSING if found["missed"] is None else str(found["missed"])
     for name, label in (("lateness_us", "lateness"), ("compute_us", "compute")):
         measured = run.rows[label].any()  # in lock-step nothing is late, exactly
