@@ -207,8 +207,8 @@ def test_commands_that_come_after_their_deadline_are_read_as_jumps_of_a_still_ha
     assert sum(fault != faults.NONE for fault in found) >= 6
 
 
-def test_answers_that_take_from_one_to_four_periods_make_a_hand_up_to_twice_as_fast():
-    worst = 1.0
+def test_answers_that_take_from_one_to_four_periods_make_no_hand_faster_than_it_is():
+    worst = 0.0
     for seed in range(5):
         link = linked("knob", seed, way=Way(100_000, 400_000, 2 * MS))
         link.until(lambda link=link: link.rows)
@@ -219,4 +219,4 @@ def test_answers_that_take_from_one_to_four_periods_make_a_hand_up_to_twice_as_f
             speed = max(speed, abs(link.mechanism.speed))
         worst = max(worst, np.abs(link.trace().velocity).max() / speed)
         link.close()
-    assert 1.2 < worst < 2.0
+    assert worst < 1.01
