@@ -65,11 +65,13 @@ def tick_ended(settings, state, output):
 @njit
 def _fade(settings, fade, enable, tool, output):
     """The coupling's factor for a tool sample of this age; a tool that (re)joins must be near."""
-    # a tool that comes while the force is on must come with a small force
-    joining = enable.ramp > 0.0 and fade.factor == 0.0
+    # a tool that comes while the force is on must come with a small force; what comes back is paid for where it can be
+    fade.apart = 1.0 if enable.ramp == 0.0 else fade.apart
+    joining = enable.ramp > 0.0 and fade.factor == 0.0 and asked_to_be_near(settings, fade)
     age = -1.0 if joining and not tool_is_near(settings, tool, output.position) else tool.age
     full, chosen = fade.factor >= 1.0, settings.exchange
     fade.factor = exchange_samples.fade_factor(fade.factor, age, settings.period, chosen.hold, chosen.fade)
+    fade.apart = 0.0 if enable.ramp > 0.0 and fade.factor > 0.0 else fade.apart
     fade.released += 1.0 if full and fade.factor < 1.0 else 0.0
     output.exchange_released, output.exchange_fade = fade.released, fade.factor
 
@@ -123,6 +125,13 @@ def _stay(settings, state, tool, output):
         output.coupling_position[i] = state.spring.set_position[i]
         output.coupling_velocity[i] = state.spring.set_velocity[i]
         output.exchange_effort[i] = state.waves.sent[i]
+
+
+@kernel
+def asked_to_be_near(settings, fade):
+    """Whether a tool that (re)joins must be near. Not one that was felt since engaging, with pspm: there the tank pays
+    for a stretch that comes back, or shortens it."""
+    return fade.apart > 0.0 or not exchange_samples.is_modulated(settings.exchange.method)
 
 
 @kernel

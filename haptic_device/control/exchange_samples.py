@@ -44,6 +44,12 @@ class Peer(NamedTuple):
 
 
 @kernel
+def is_modulated(method):
+    """Whether the set position of the coupling's spring is moved as a tank of energy pays for it."""
+    return method in (PSPM, LOCAL)
+
+
+@kernel
 def gains_hash(stiffness, damping, rotational_stiffness, rotational_damping):
     """One number that differs when the gains do (a fixed linear mix, exact for equal inputs)."""
     return (

@@ -121,7 +121,7 @@ def _why_faded(settings, state, tool, output):
         return 0
     if tool.age < 0.0:
         return NO_TOOL
-    gone = output.exchange_fade == 0.0
+    gone = output.exchange_fade == 0.0 and exchange_controller.asked_to_be_near(settings, state.fade)
     # the stage that lets it go has refused this sample for where it is, not for its age
     if gone and tool.age <= chosen.hold and not exchange_controller.tool_is_near(settings, tool, output.position):
         return FAR_TOOL

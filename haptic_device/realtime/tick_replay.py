@@ -44,6 +44,7 @@ MADE_ANEW = (
 )
 """Fields that a tick fills in before it reads them, or leaves at 0: no part of a snapshot."""
 SINCE = {"motion.sample_error", "motion.sample_deadline", "samples.errors", "tank.window_error"} | {
+    "fade.apart",
     "hardware.stamp_error",
     "in_force.hardware.stamp_error",
 }

@@ -179,7 +179,14 @@ def test_of_any_word_on_the_page_the_known_bits_are_read_and_no_others():
             device.words, block, 1, 1000, word, 1000, np.array([5.0, 6.0, 7.0]), np.zeros(3), 0, 0
         )
         assert link.read(link.memory, 1000, 0, sample) == 1
-        assert sample[hardware_interface.COUNTS :].tolist() == [5.0, 6.0, 7.0, 0.0, 0.0, 0.0]
+        assert sample[hardware_interface.COUNTS : hardware_interface.STAMP_ERROR].tolist() == [
+            5.0,
+            6.0,
+            7.0,
+            0.0,
+            0.0,
+            0.0,
+        ]
         return sample[hardware_interface.STATUS]
 
     @given(st.integers(-(2**63), 2**63 - 1) | st.integers(0, 255) | st.integers(0, 62).map(lambda bit: 1 << bit))

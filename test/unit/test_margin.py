@@ -165,14 +165,14 @@ def test_where_gains_fit_at_no_lateness_the_shortfall_blames_the_gain():
 def test_forces_are_late_by_the_longer_of_described_and_measured_delay_and_by_the_writes(link, write):
     hardware = None if link is None else SimpleNamespace(delay=lambda: link)
     telemetry = None if write is None else SimpleNamespace(percentiles=lambda: np.full((4, 4), write))
-    described = SimpleNamespace(sensing_delay=0.4e-3, actuation_delay=0.6e-3)
+    described = SimpleNamespace(sensing_delay=0.4e-3, actuation_delay=0.6e-3, stamp_error=0.0)
     driver = SimpleNamespace(device=described, hardware=hardware, telemetry=telemetry)
     late = DriverNode.lateness(driver)
     assert late == pytest.approx((1.1e-3 if link == 1.1e-3 else 1e-3) + (0.2e-3 if write == 0.2e-3 else 0.0), rel=1e-12)
 
 
 def test_books_follow_a_links_delay_that_is_longer_than_described_and_small_changes_wait():
-    described = SimpleNamespace(sensing_delay=0.0, actuation_delay=50e-6)
+    described = SimpleNamespace(sensing_delay=0.0, actuation_delay=50e-6, stamp_error=0.0)
     told, put = iter([0.0, 60e-6, 75e-6, 100e-6, 1.0]), []
     hardware = SimpleNamespace(delay=lambda: next(told))
     driver = SimpleNamespace(device=described, hardware=hardware, _delay=50e-6, _version=3)
