@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_device.control import enable_state, faults
-from haptic_device.nodes.fault_detail import KEPT, LatchedFault, number
+from haptic_device.nodes import fault_detail
+from haptic_device.nodes.fault_detail import KEPT, LatchedFault
 from haptic_device.realtime import hardware_interface, shared_memory
 
 BITS = {
@@ -88,17 +89,51 @@ def test_a_number_is_told_only_beyond_its_limit_with_as_many_digits_as_tell_them
         (faults.POSITION, 0.120005, place("0.120005", "0.12")),
         (faults.POSITION, 0.12, ""),
         (faults.VELOCITY, -0.60004, speed("0.60004")),
+        (faults.VELOCITY, 0.6000000000004, speed("just beyond 0.6")),
         (faults.VELOCITY, 0.599, ""),
     ):
         row["fault"], row["velocity"] = code, (0.0, value, 0.0)
         row["counts"] = (0.0, round(value / device["position_per_count"][1]), 0.0)
-        assert number(row, runner.settings[0]) == said
+        assert fault_detail.told(row, runner.settings[0])[0] == said
 
 
-def test_a_device_that_was_not_written_to_is_told_for_how_long():
-    rows = np.concatenate(pressing().rows).ravel()[-10:].copy()
-    rows["fault"][-1], rows["deadline"][-2:] = faults.DEVICE_WATCHDOG, rows["deadline"][-2:] + 0.1e9
-    assert number(rows, pressing().settings[0]) == "no command for 0.1 s"
+@pytest.mark.parametrize(
+    ("link", "fault", "missed", "number", "first"),
+    [
+        ("loopback", "device_watchdog", 0.1, "the servo gave no command for 0.1 s", faults.BUSY),
+        ("udp", "device_watchdog", 0.012, "the servo gave no command for 0.0123 s", faults.BUSY),
+        (
+            "udp",
+            "device_watchdog",
+            0.0025,
+            "no command came over the line to the device for 0.015 s; the servo gave it",
+            faults.WAY_THERE,
+        ),
+        (
+            "loopback",
+            "device_silent",
+            0.0,
+            "no sample of haptic_loopback for 0.0202 s; the limit is 0.02 s",
+            faults.BUSY,
+        ),
+        (
+            "serial",
+            "device_silent",
+            0.0,
+            "no sample came over the line from the device for 0.0202 s; the limit is 0.02 s",
+            faults.DEVICE,
+        ),
+        ("udp", "device_hot", 0.0, "", "let the device cool"),
+    ],
+)
+def test_a_fault_of_the_line_names_the_end_that_it_came_about_at(link, fault, missed, number, first):
+    runner, latched = pressing(), LatchedFault(link, lambda: 0.015)
+    runner.now += round(missed * 1e9)
+    PROVOKED[fault].go(runner, 1.01)
+    latched.add(np.concatenate(runner.rows).ravel(), runner.settings[0])
+    code = next(each.code for each in faults.TABLE if each.name == fault)
+    assert (latched.sentence(code), latched.first(code)) == (number, first)
+    assert latched.first(faults.ESTOP) == ""
 
 
 def test_a_fault_has_no_number_of_the_fault_before_it():
