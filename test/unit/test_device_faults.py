@@ -27,6 +27,7 @@ BITS = {
 ALWAYS = ("device_estop", "device_hot", "device_encoder")  # enabled or not
 ENABLE, RESET, CLUTCH = enable_state.ENABLE, enable_state.RESET, enable_state.CLUTCH
 SILENCE = 0.02  # [s], fault.silence
+UNHEARD, LATE = "no command came over the line", "0.0202 s; the limit is 0.02 s"
 
 
 def told(runner, block=3 * KEPT):
@@ -102,27 +103,9 @@ def test_a_number_is_told_only_beyond_its_limit_with_as_many_digits_as_tell_them
     [
         ("loopback", "device_watchdog", 0.1, "the servo gave no command for 0.1 s", faults.BUSY),
         ("udp", "device_watchdog", 0.012, "the servo gave no command for 0.0123 s", faults.BUSY),
-        (
-            "udp",
-            "device_watchdog",
-            0.0025,
-            "no command came over the line to the device for 0.015 s; the servo gave it",
-            faults.WAY_THERE,
-        ),
-        (
-            "loopback",
-            "device_silent",
-            0.0,
-            "no sample of haptic_loopback for 0.0202 s; the limit is 0.02 s",
-            faults.BUSY,
-        ),
-        (
-            "serial",
-            "device_silent",
-            0.0,
-            "no sample came over the line from the device for 0.0202 s; the limit is 0.02 s",
-            faults.DEVICE,
-        ),
+        ("udp", "device_watchdog", 0.0025, f"{UNHEARD} to the device for 0.015 s; the servo gave it", faults.WAY_THERE),
+        ("loopback", "device_silent", 0.0, f"no sample of haptic_loopback for {LATE}", faults.BUSY),
+        ("serial", "device_silent", 0.0, f"no sample came over the line from the device for {LATE}", faults.DEVICE),
         ("udp", "device_hot", 0.0, "", "let the device cool"),
     ],
 )
