@@ -44,9 +44,9 @@ def with_error(value: float, error: float | None, unit: str = "") -> str:
     return _with_unit(f"{_fixed(value, places)} ± {_fixed(error, places)}", unit)
 
 
-def apart(value: float, limit: float) -> tuple[str, str]:
-    """Both as `plain`, with more than three digits where these would not tell them apart."""
-    for digits in range(3, _MOST + 1):
+def apart(value: float, limit: float, most: int = _MOST) -> tuple[str, str]:
+    """Both as `plain`, with more than three digits, up to `most`, where these would not tell them apart."""
+    for digits in range(3, most + 1):
         told = plain(value, digits=digits), plain(limit, digits=digits)
         if told[0] != told[1]:
             return told

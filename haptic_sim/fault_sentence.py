@@ -25,14 +25,14 @@ def fell(name: str, number: str = "") -> str:
     return f"{called(name)}: {cause(name, number)}"
 
 
-def what_to_do(name: str, number: str = "", last: str = RUN) -> str:
+def what_to_do(name: str, number: str = "", last: str = RUN, first: str = "") -> str:
     """Which fault, its cause, and what to do, in a terminal; after a run, or with TYPE at a display that goes on."""
-    return f"{fell(name, number)}. {steps(name, last)}"
+    return f"{fell(name, number)}. {steps(name, last, first)}"
 
 
-def steps(name: str, last: str = PRESS) -> str:
-    """What a person does first, if anything, and then."""
-    first = FAULTS[name].first
+def steps(name: str, last: str = PRESS, first: str = "") -> str:
+    """What a person does first, if anything, and then. first: the driver's entry `fault_first`, where it is known."""
+    first = first or FAULTS[name].first
     return _sentence(f"{first}, then {last}" if first else last)
 
 

@@ -14,6 +14,9 @@ FRESH, WATCHDOG, BUTTON, HOT, END_SWITCH, BROKEN_ENCODER, CLAMPED = 1, 2, 4, 8, 
 CUT = WATCHDOG | BUTTON | HOT | BROKEN_ENCODER  # with any of these the device's motors are at zero
 DEVICE_BITS = CUT | END_SWITCH | CLAMPED  # those that a device sets
 THIS_TICK = "zero in the tick that finds it"
+BUSY = "end other programs that keep the machine busy"
+DEVICE = "check the device and the line from it: its power, its cable, its program"
+WAY_THERE = "check the line to the device: its cable, its network, how busy its machine is"
 BY_DEVICE = "zero: cut by the device by itself, and kept so"
 
 
@@ -48,7 +51,7 @@ TABLE = (
         "the device did not answer for longer than fault.silence",
         "no answer for {time} s; the limit is {limit} s",
         "zero in the tick that finds it; a device without writes cuts it by itself",
-        "check the device: its power, its cable, its program",
+        f"{DEVICE}; with a simulated device {BUSY}",
     ),
     Fault(
         NOT_A_NUMBER,
@@ -101,8 +104,8 @@ TABLE = (
         "Device cut its motor",
         "the device heard nothing from the servo for too long",
         "no command for {time} s",
-        "zero: cut by the device when its watchdog (15 ms) was over, and kept so",
-        "end other programs that keep the machine busy",
+        "zero: cut by the device when its watchdog was over (15 ms by default), and kept so",
+        f"{BUSY}; {WAY_THERE}",
     ),
     Fault(
         DUTY,
@@ -120,7 +123,7 @@ TABLE = (
         "the thread that serves the driver, or the one that hears its commands, stood still for fault.unattended",
         "the limit is {limit} s",
         THIS_TICK,
-        "end other programs that keep the machine busy",
+        BUSY,
     ),
     Fault(
         DEVICE_ESTOP,
@@ -159,6 +162,17 @@ TABLE = (
         "check the encoder and its cable",
     ),
 )
+SIMULATED, LINE, SERVO = "simulated", "line", "servo"
+AT = {
+    (DEVICE_SILENT, SIMULATED): ("no sample of haptic_loopback for {time} s; the limit is {limit} s", BUSY),
+    (DEVICE_SILENT, LINE): (
+        "no sample came over the line from the device for {time} s; the limit is {limit} s",
+        DEVICE,
+    ),
+    (DEVICE_WATCHDOG, SERVO): ("the servo gave no command for {time} s", BUSY),
+    (DEVICE_WATCHDOG, LINE): ("no command came over the line to the device for {time} s; the servo gave it", WAY_THERE),
+}
+"""(number, first) of a fault whose place is known: the simulated device, the line or the servo."""
 NAMES = frozenset(fault.name for fault in TABLE)
 
 

@@ -130,10 +130,7 @@ STATE = np.dtype(
         ("in_force", SETTINGS),  # bumpless_transfer
         ("change", record("going")),  # how many settings in force are not yet those that are wished for
         ("fault", record("code resets saturated thermal_load*")),  # faults, motor
-        (
-            "fade",
-            record("factor released apart"),
-        ),  # exchange_controller; apart: 1, nothing was felt since forces are on
+        ("fade", record("factor released apart")),  # exchange_controller; apart: nothing was felt since forces are on
         # the coupling's spring as the energy tank has paid for it; factor: on its force; force, push, damped: as they
         # were in the last tick, B times the set position's velocity and the handle's [N | N m]; changed: by it;
         # port_push: B times the port's own velocity, which the waves pay for [N | N m]; prepaid: for changes that still

@@ -80,7 +80,8 @@ def serve(words, control, truth_mail, session, device, memory, motion, truth):
     scratch, zero, sample = np.zeros(2, np.int64), np.zeros(3), np.zeros(hardware_interface.SAMPLE)
     inbox, outbox = np.zeros(shared_memory.SERVO_WORDS, np.int64), np.zeros(shared_memory.DEVICE_WORDS, np.int64)
     seen, driven, holding = shared_memory.read_servo(words, inbox), False, False
-    memory[0].time, watchdog = clock.now_ns(scratch), control[WATCHDOG]
+    memory[0].time = clock.now_ns(scratch)
+    words[shared_memory.DEVICE_WATCHDOG] = watchdog = control[WATCHDOG]
     _cut_motor(device[0], memory[0], motion[0], memory[0].time, zero)
     announced, period, heartbeat = memory[0].time, np.int64(FREE_STEP), memory[0].time
     while atomic.load(control, STOP) == 0:

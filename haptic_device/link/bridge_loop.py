@@ -218,7 +218,7 @@ def _pass_on(state, words, control, session, now, m, room):
         m.session, m.quiet = state[codec.SESSIONS], now + QUIET
     if latched <= m.latest or now < m.quiet:
         return False
-    m.latest = latched
+    m.latest, words[shared_memory.DEVICE_WATCHDOG] = latched, state[codec.WATCHDOG]
     control[PASSED] += 1
     status = room.answer[codec.STATUS] | (0 if m.driven else shared_memory.WATCHDOG)
     counts, drag = room.answer[codec.COUNTS : codec.COUNTS + 3], room.answer[codec.DRAG : codec.DRAG + 3]

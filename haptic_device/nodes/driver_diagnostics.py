@@ -85,6 +85,7 @@ class DriverDiagnostics:
             "state": enable_state.STATES[int(row.state)],
             "fault": faults.name_of(row.fault),
             "fault_detail": self.fault_detail(row),
+            "fault_first": self._node.telemetry.latched.first(int(row.fault)) if row.fault else "",
             "withheld": ", ".join(standing),
             "withheld_s": f"{max(standing.values(), default=0.0):.1f}",
             "realtime": node.servo.realtime,

@@ -11,6 +11,7 @@ from haptic_device.digits import apart, plain
 from haptic_device.message_fields import AXES
 
 KEPT = 64  # ticks before the one that latched a fault
+DIGITS = 6  # at most, of a value that is beyond its limit
 UNITS, FORCES = ("m", "m", "rad"), ("N", "N", "N m")
 FINITE = {
     "position": "position",
@@ -26,8 +27,10 @@ SUM = "force_walls", "force_coupling", "force_cancellation", "force_passivity"
 class LatchedFault:
     """The number of the last fault that the rows of a servo show."""
 
-    def __init__(self):
-        self._rows, self._found = np.zeros(0, TRACE_ROW), (faults.NONE, "")
+    def __init__(self, link="", watchdog=float):
+        """link: the type of the device's; watchdog: returns the device's [s], 0: not known."""
+        self._rows, self._found, self._cuts = np.zeros(0, TRACE_ROW), (faults.NONE, "", ""), watchdog
+        self._place = link and (faults.SIMULATED if link == "loopback" else faults.LINE)
 
     def add(self, rows: np.ndarray, settings: np.void) -> None:
         """The next rows of the trace, with the SETTINGS record that they were made by."""
@@ -35,31 +38,40 @@ class LatchedFault:
         code = known["fault"]
         new = np.flatnonzero((code != faults.NONE) & (np.concatenate([[faults.NONE], code[:-1]]) != code))
         if len(new) and new[-1] >= len(self._rows):
-            row = new[-1]  # the first of all may have no row before it
-            self._found = int(code[row]), number(known[max(0, row - KEPT) : row + 1], settings)
+            first, end = max(0, new[-1] - KEPT), new[-1] + 1  # the first of all may have no row before it
+            self._found = int(code[new[-1]]), *told(known[first:end], settings, self._place, self._cuts())
         self._rows = known[-KEPT:].copy()
 
     def sentence(self, code: int) -> str:
         """The number of the fault with this code, in words; "" where there is none, or it is not known."""
-        found, sentence = self._found
-        return sentence if found == code else ""
+        return self._found[1] if self._found[0] == code else ""
+
+    def first(self, code: int) -> str:
+        """What a person does first about the fault with this code; "" where there is nothing, or it is not known."""
+        return self._found[2] if self._found[0] == code else ""
 
 
-def number(rows: np.ndarray, settings: np.void) -> str:
-    """What the table says of the fault of the last of these rows, with its numbers; "" where they are not known."""
+def told(rows: np.ndarray, settings: np.void, place: str = "", watchdog: float = 0.0) -> tuple[str, str]:
+    """Number and first step of the fault of the last of these rows, as the table says them where its cause was; the
+    number "" where it is not known. place: of the device; watchdog: of the device [s], 0: not known."""
     code = int(rows["fault"][-1])
     fields = _FIELDS[code](rows, settings) if code in _FIELDS else None
+    if code == faults.DEVICE_WATCHDOG:
+        place, fields = _unheard(rows, settings, place, watchdog)
     [fault] = [fault for fault in faults.TABLE if fault.code == code]
-    return fault.number.format_map(_told(fields)) if fields else ""
+    sentence, first = faults.AT.get((code, place), (fault.number, fault.first))
+    return sentence.format_map(_texts(fields)) if fields else "", first
 
 
-def _told(fields):
-    """Numbers as texts; what is beyond its limit with enough digits to see that it is."""
-    told = {name: plain(value) if isinstance(value, float | np.floating) else value for name, value in fields.items()}
+def _texts(fields):
+    """Numbers as texts; what is beyond its limit with enough digits to see that it is, or in words."""
+    said = {name: plain(value) if isinstance(value, float | np.floating) else value for name, value in fields.items()}
     beyond = "value" if "value" in fields else "time"
     if beyond in fields and "limit" in fields:
-        told[beyond], told["limit"] = apart(fields[beyond], fields["limit"])
-    return told
+        said[beyond], said["limit"] = apart(fields[beyond], fields["limit"], DIGITS)
+        if said[beyond] == said["limit"] and fields[beyond] != fields["limit"]:
+            said[beyond] = f"just beyond {said['limit']}"
+    return said
 
 
 def _along(i, **fields):
@@ -92,7 +104,9 @@ def _not_finite(rows, settings):
 def _jump(rows, settings):
     if len(rows) < 2:
         return None
-    elapsed = (rows["latched"][-1] - rows["latched"][-2]) * 1e-9
+    elapsed = (
+        rows["latched"][-1] - rows["latched"][-2] + rows["stamp_error"][-2:].sum()
+    ) * 1e-9  # as `sense` counts it
     before, after = (_places(row, settings) for row in rows[-2:])
     ways = [
         _along(i, value=abs(after[i] - before[i]), limit=2.0 * settings["hardware"]["velocity_limit"][i] * elapsed)
@@ -132,11 +146,12 @@ def _saturated(rows, settings):
     return _first_beyond(wanted, time=float(settings["fault"]["saturation"]))
 
 
-def _unwritten(rows, settings):
-    if len(rows) < 2:
-        return None
-    longest = float(np.diff(rows["deadline"]).max()) * 1e-9
-    return {"time": longest} if longest > 1.5 * settings["period"] else None
+def _unheard(rows, settings, place, watchdog):
+    """Where commands were held up, and for how long: at the servo itself if it missed what tells half of the time."""
+    longest = float(np.diff(rows["deadline"]).max(initial=0.0)) * 1e-9
+    if longest > max(1.5 * settings["period"], 0.5 * watchdog):
+        return faults.SERVO, {"time": longest}
+    return place, {"time": watchdog} if watchdog else None
 
 
 def _warm(rows, settings):
@@ -166,7 +181,6 @@ _FIELDS = {
     faults.POSITION: _outside,
     faults.VELOCITY: _fast,
     faults.SATURATION: _saturated,
-    faults.DEVICE_WATCHDOG: _unwritten,
     faults.DUTY: _warm,
     faults.UNATTENDED: _unattended,
     faults.DEVICE_LIMIT: _on_switch,

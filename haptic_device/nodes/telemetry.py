@@ -64,7 +64,8 @@ class Telemetry:
         self._recent = np.zeros((WINDOW, 4))  # lateness, compute, age, write delay [s] of the last ticks
         self._judged, self._judged_at = np.full((4, 4), np.nan), -FRESH_ENOUGH
         self._ticks, self._latched, self._position = 0, 0.0, [0.0] * 3
-        self.withheld, self.latched, self._blocks = WithheldTime(), LatchedFault(), []
+        self.withheld, self._blocks = WithheldTime(), []
+        self.latched = LatchedFault(device.link.type, servo_thread.link.watchdog)
         self._told = dict.fromkeys(("axes", "pose"), (0.0, 0.0))  # deadline and number of the tick published last
         self.skipped, self._samples, self._known = 0, 0, np.zeros((2, 2), np.int64)
         self._row, self._settings, self._looked = np.zeros(1, TRACE_ROW), np.zeros(1, SETTINGS), False

@@ -3,8 +3,9 @@
 
 A hardware interface has `memory` (int64 array, its own), `read` and `write` (compiled with the signatures below),
 `present()`, whether the device answers, `delay()`, how late the motor acts after a write as the link measures it, from
-the earliest that the counts may be of [s] (0: not known), and `close()`. Another device is one more file with such a
-class; haptic_sim/supervision/conformance.py checks any against this text.
+the earliest that the counts may be of [s], `watchdog()`, the time without a command after which the device cuts its
+motor [s] (0: not known, either), and `close()`. Another device is one more file with such a class;
+haptic_sim/supervision/conformance.py checks any against this text.
 
 * read(memory, deadline, give_up, sample) → 1 if the sample is of this deadline, 0 if it is older. It may wait for
   the device until give_up [ns of CLOCK_MONOTONIC], never longer. sample (9): time of sampling [ns], status, counts of
@@ -53,6 +54,9 @@ class SharedMemoryInterface:
 
     def delay(self):
         return max(0, *map(int, self.memory[shared_memory.DEVICE_FIRST + 10 :][:2])) * 1e-9
+
+    def watchdog(self):
+        return int(self.memory[shared_memory.DEVICE_WATCHDOG]) * 1e-9
 
     def close(self):
         self.memory = None  # a view that is left would keep the mapping

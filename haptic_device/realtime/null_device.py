@@ -21,6 +21,9 @@ class NullDevice:
     def delay(self):
         return 0.0
 
+    def watchdog(self):
+        return 0.0
+
     def close(self):
         """Nothing is held."""
 

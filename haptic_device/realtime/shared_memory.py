@@ -29,6 +29,7 @@ GATE_BYTE = 2  # held by who comes or goes, so that nobody opens a file that ano
 # words of either block, each with its lock before it and apart from the other: no two writers share a cache line
 DEVICE_LOCK, DEVICE_FIRST = 8, 9
 DEVICE_WORDS = 12  # session, latched, status, alive, counts 3, drag 3, delay, stamp error: 0 by those who know none
+DEVICE_WATCHDOG = 21  # word beside that block: time without a write after which the device cuts [ns], 0: unknown
 SERVO_LOCK, SERVO_FIRST, SERVO_WORDS = 32, 33, 8  # session, written, next deadline, period, engaged, motor 3
 WATCHDOG = faults.WATCHDOG  # bit of status: the device has cut the motor; the others are there too
 SPIN, PAUSE = 10_000, 30_000  # [ns] that a sample is looked for without a pause; longest pause after that, else woken

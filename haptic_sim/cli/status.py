@@ -77,7 +77,8 @@ def _message(said) -> str:
         return said.message
     from haptic_sim.fault_sentence import FAULTS, TYPE, what_to_do  # it loads the compiler
 
-    return what_to_do(name, said.values.get("fault_detail", ""), TYPE) if name in FAULTS else said.message
+    number, first = (said.values.get(f"fault_{entry}", "") for entry in ("detail", "first"))
+    return what_to_do(name, number, TYPE, first) if name in FAULTS else said.message
 
 
 def _order(item):

@@ -77,8 +77,8 @@ class _Run:
                 self.fault = said
                 self._tell(called(said))
                 self.rest(NUMBER)
-                number = self._client.said("haptic_driver", "fault_detail")
-                return f": {what_to_do(said, number)}"
+                number, first = (self._client.said("haptic_driver", f"fault_{entry}") for entry in ("detail", "first"))
+                return f": {what_to_do(said, number, first=first)}"
             if news and news.ended(printed):
                 return f", and {news.last_words()}"
             self._pause()

@@ -95,13 +95,13 @@ class TroubleFinder:
         }
 
     def _of_fault(self):
-        name, number = (self._state.said(DRIVER, entry) for entry in ("fault", "fault_detail"))
+        name, number, first = (self._state.said(DRIVER, f"fault{entry}") for entry in ("", "_detail", "_first"))
         if name not in FAULTS:
             return None
-        told = f"{fell(name, number)}. {steps(name, f'{PRESS} on the page')}"
+        told = f"{fell(name, number)}. {steps(name, f'{PRESS} on the page', first)}"
         why = f"{_capital(cause(name, number))}."
-        first = FAULTS[name].first and f"{_capital(FAULTS[name].first)}."  # what to press then is written on the button
-        return Trouble(FAULTS[name].title, why, first, "Reset and engage", fault=name, told=told)
+        first = _capital(first or FAULTS[name].first)  # what to press then is written on the button
+        return Trouble(FAULTS[name].title, why, first and f"{first}.", "Reset and engage", fault=name, told=told)
 
 
 def named(nodes: Collection[str]) -> str:

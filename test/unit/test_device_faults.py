@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_device.control import enable_state, faults
-from haptic_device.nodes.fault_detail import KEPT, LatchedFault, number
+from haptic_device.nodes import fault_detail
+from haptic_device.nodes.fault_detail import KEPT, LatchedFault
 from haptic_device.realtime import hardware_interface, shared_memory
 
 BITS = {
@@ -26,6 +27,7 @@ BITS = {
 ALWAYS = ("device_estop", "device_hot", "device_encoder")  # enabled or not
 ENABLE, RESET, CLUTCH = enable_state.ENABLE, enable_state.RESET, enable_state.CLUTCH
 SILENCE = 0.02  # [s], fault.silence
+UNHEARD, LATE = "no command came over the line", "0.0202 s; the limit is 0.02 s"
 
 
 def told(runner, block=3 * KEPT):
@@ -88,17 +90,33 @@ def test_a_number_is_told_only_beyond_its_limit_with_as_many_digits_as_tell_them
         (faults.POSITION, 0.120005, place("0.120005", "0.12")),
         (faults.POSITION, 0.12, ""),
         (faults.VELOCITY, -0.60004, speed("0.60004")),
+        (faults.VELOCITY, 0.6000000000004, speed("just beyond 0.6")),
         (faults.VELOCITY, 0.599, ""),
     ):
         row["fault"], row["velocity"] = code, (0.0, value, 0.0)
         row["counts"] = (0.0, round(value / device["position_per_count"][1]), 0.0)
-        assert number(row, runner.settings[0]) == said
+        assert fault_detail.told(row, runner.settings[0])[0] == said
 
 
-def test_a_device_that_was_not_written_to_is_told_for_how_long():
-    rows = np.concatenate(pressing().rows).ravel()[-10:].copy()
-    rows["fault"][-1], rows["deadline"][-2:] = faults.DEVICE_WATCHDOG, rows["deadline"][-2:] + 0.1e9
-    assert number(rows, pressing().settings[0]) == "no command for 0.1 s"
+@pytest.mark.parametrize(
+    ("link", "fault", "missed", "number", "first"),
+    [
+        ("loopback", "device_watchdog", 0.1, "the servo gave no command for 0.1 s", faults.BUSY),
+        ("udp", "device_watchdog", 0.012, "the servo gave no command for 0.0123 s", faults.BUSY),
+        ("udp", "device_watchdog", 0.0025, f"{UNHEARD} to the device for 0.015 s; the servo gave it", faults.WAY_THERE),
+        ("loopback", "device_silent", 0.0, f"no sample of haptic_loopback for {LATE}", faults.BUSY),
+        ("serial", "device_silent", 0.0, f"no sample came over the line from the device for {LATE}", faults.DEVICE),
+        ("udp", "device_hot", 0.0, "", "let the device cool"),
+    ],
+)
+def test_a_fault_of_the_line_names_the_end_that_it_came_about_at(link, fault, missed, number, first):
+    runner, latched = pressing(), LatchedFault(link, lambda: 0.015)
+    runner.now += round(missed * 1e9)
+    PROVOKED[fault].go(runner, 1.01)
+    latched.add(np.concatenate(runner.rows).ravel(), runner.settings[0])
+    code = next(each.code for each in faults.TABLE if each.name == fault)
+    assert (latched.sentence(code), latched.first(code)) == (number, first)
+    assert latched.first(faults.ESTOP) == ""
 
 
 def test_a_fault_has_no_number_of_the_fault_before_it():

@@ -4,6 +4,7 @@ and no hand gets energy beyond the budget, by the plant's truth. The description
 """
 
 import functools
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,8 @@ from lockstep_link import BRIDGE, DEVICE, LOOK, MS, SERVO, Link, Reference, Way,
 from lockstep_systems import values
 
 from haptic_device.control import enable_state, faults
+from haptic_device.nodes.fault_detail import LatchedFault
+from haptic_device.realtime.hardware_interface import SharedMemoryInterface
 
 BUDGET = values("haptic_driver")["passivity.budget"]  # [J]
 WATCHDOG, FREE_LOOK = 15 * MS, MS  # [ns] of the bridge, and its looks at a servo that is silent
@@ -172,6 +175,19 @@ def test_where_nothing_passes_the_device_cuts_by_itself_and_afterwards_all_works
     link.run(0.3)
     assert link.mechanism.force == 0.0
     pressed_again(link)
+
+
+@pytest.mark.parametrize("name", ["datagrams", "serial"])
+@pytest.mark.parametrize(("cut", "said"), [(0, "to the device for 0.015 s"), (1, "from the device for 0.0")])
+def test_a_line_that_is_cut_one_way_is_named_by_the_end_that_hears_nothing(name, cut, said):
+    link = pressed(linked(name))
+    link.ways = tuple(Way(loss=float(way == cut)) for way in (0, 1))
+    zero_at(link, link.case.own_watchdog + 7 * MS)
+    latched = LatchedFault(name, SharedMemoryInterface.watchdog.__get__(SimpleNamespace(memory=link.words)))
+    latched.add(link.trace(), link.settings[0])
+    assert link.fault == (faults.DEVICE_WATCHDOG, faults.DEVICE_SILENT)[cut]
+    assert f"over the line {said}" in latched.sentence(link.fault)
+    link.close()
 
 
 @pytest.mark.parametrize("name", ["datagrams", "serial"])

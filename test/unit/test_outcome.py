@@ -124,4 +124,6 @@ def test_haptic_status_tells_a_fault_in_its_words_and_what_else_a_node_says_as_i
         told = shown(fault=entry.name, fault_detail="1 m")
         assert told.startswith(f"{entry.title} (fault {entry.name}): {entry.cause}; 1 m. ")
         assert told.lower().endswith("press r and e in haptic status.") and "~/" not in told
+        told = shown(fault=entry.name, fault_first="look at the line")
+        assert told.endswith(". Look at the line, then press r and e in haptic status.")
     assert shown(fault="") == shown(fault="of a newer driver") == shown() == "its own words"

@@ -54,6 +54,8 @@ def test_each_fault_is_told_with_title_cause_number_and_what_to_press_until_it_i
         assert (found.title, found.fault, found.button) == (fault.title, fault.name, "Reset and engage")
         assert found.cause.lower() == f"{fault.cause}; 0.83 m/s.".lower()
         assert found.first.lower() == (fault.first and f"{fault.first}.").lower(), "the button says the rest"
+        viewed.hear(DRIVER, fault=fault.name, fault_first="look at the line")
+        assert viewed.look().first == "Look at the line." and "Look at the line, then press" in viewed.look().told
         viewed.hear(DRIVER, fault="", fault_detail="")
         assert viewed.look() is None
 
