@@ -27,7 +27,8 @@ class ToolSample(NamedTuple):
     """The answer to one handle sample.
 
     Attributes:
-        position: of the tool's grip [m, m, rad].
+        position: of the tool's grip [m, m, rad], as the hand is to feel it: nearer to the handle where limit or energy
+            of the port keep the force short.
         velocity: of the tool [m/s, m/s, rad/s].
         force_on_tool: mean force of the coupling on the tool over the last sub-step [N, N, N m], or the value that the
             exchange method sends instead.
@@ -62,6 +63,7 @@ class Counters(NamedTuple):
         max_penetration: deepest overlap [m].
         left_out: contacts that were too many for the method; above 0 the motion can be wrong.
         waited_ns: time between handle samples that the world did not simulate [ns].
+        short_ns: simulated time in which the port kept the force short [ns].
 
     Examples:
         >>> from haptic_sim.exchange.simulation import Simulation
@@ -78,6 +80,7 @@ class Counters(NamedTuple):
     max_penetration: float = 0.0
     left_out: int = 0
     waited_ns: int = 0
+    short_ns: int = 0
 
 
 class Energy(NamedTuple):
@@ -253,7 +256,7 @@ class Simulation:
         self._last = handle
         exchanges, sub_steps = self.counters[:2]
         self.counters = Counters(exchanges + 1, sub_steps + count, *self.counters[2:])
-        return self._sample(touched)
+        return self._sample(handle, touched)
 
     @cached_property
     def local_contacts(self) -> LocalContacts:
@@ -287,6 +290,9 @@ class Simulation:
         target = along((self._last.position, self._last.velocity), (handle.position, handle.velocity))
         travelled = self.port.step(self.method, target, count)
         self.ledger.book(travelled.supplied, travelled.contacts, travelled.correction, travelled.numerical)
+        if self.port.short:
+            short_ns = self.counters.short_ns + count * self.sub_step_ns
+            self.counters = self.counters._replace(short_ns=short_ns)
         counters = self.counters
         if (
             travelled.force > counters.max_contact_force
@@ -300,7 +306,8 @@ class Simulation:
             )
         return travelled.touched
 
-    def _sample(self, touched: bool) -> ToolSample:
+    def _sample(self, handle: HandleSample, touched: bool) -> ToolSample:
         method = self.method
         effort, energy = self.port.send(method.force_on_tool, self.ledger.supplied)
-        return ToolSample(method.position, method.velocity, effort, touched, energy)
+        position, velocity = self.port.felt(handle, method.position, method.velocity)
+        return ToolSample(position, velocity, effort, touched, energy)
