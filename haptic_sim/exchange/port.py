@@ -76,12 +76,8 @@ class Port(Protocol):
     def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
         """The effort and energy of the tool sample."""
 
-    def felt(self, handle: HandleSample, position: Planar, velocity: Planar) -> tuple[Planar, Planar]:
-        """Where the hand is to feel the tool: where it is, or nearer by what the port has kept back of the pull."""
-
-    @property
-    def short(self) -> bool:
-        """Whether the port's limit or energy keeps the force short."""
+    def kept_back(self, handle: HandleSample) -> np.ndarray | None:
+        """By how much of the handle's position and velocity (6) limit or energy keep the force short; None if not."""
 
 
 class DirectPort:
@@ -105,14 +101,9 @@ class DirectPort:
         """The force on the tool, and the energy supplied."""
         return force_on_tool, supplied
 
-    def felt(self, handle: HandleSample, position: Planar, velocity: Planar) -> tuple[Planar, Planar]:
-        """Where the tool is."""
-        return position, velocity
-
-    @property
-    def short(self) -> bool:
-        """Never: nothing is kept back."""
-        return False
+    def kept_back(self, handle: HandleSample) -> np.ndarray | None:
+        """Nothing."""
+        return None
 
 
 class EnergyTankPort(abc.ABC):
@@ -151,14 +142,12 @@ class EnergyTankPort(abc.ABC):
         found = self.memory[tool_side_tank.AIM : tool_side_tank.AIM + 6].tolist()
         return tuple(found[:3]), tuple(found[3:])
 
-    def felt(self, handle: HandleSample, position: Planar, velocity: Planar) -> tuple[Planar, Planar]:
-        """Where the tool is."""
-        return position, velocity
-
-    @property
-    def short(self) -> bool:
-        """Whether limit or tank made less of the pull at the end of the last step."""
-        return bool(self.memory[tool_side_tank.SHORT] > 0.0)
+    def kept_back(self, handle: HandleSample) -> np.ndarray | None:
+        """What limit or tank made less of the handle's way to the tool at the last step's end; None for nothing."""
+        if self.memory[tool_side_tank.SHORT] == 0.0:
+            return None
+        held = self.memory[tool_side_tank.AIM : tool_side_tank.AIM + 6]
+        return np.array((*handle.position, *handle.velocity)) - held
 
     @abc.abstractmethod
     def book(self, supplied: float, force_on_tool: Planar, before: Planar, after: Planar) -> None:
@@ -188,9 +177,9 @@ class EnergyTankPort(abc.ABC):
 class PspmPort(EnergyTankPort):
     """The handle drawn nearer where its pull could supply more energy than the device has shipped.
 
-    What is really supplied is taken from the tank, and what the tool gives back comes into it. The tank begins with what
-    the largest pull needs that device and limits hold (control/tool_side_tank), and what the device keeps before it
-    ships any; with the budget at most. Where that is short, the hand feels the tool so much nearer.
+    What is really supplied is taken from the tank, and what the tool gives back comes into it. The tank begins with
+    what the largest pull needs that device and limits hold (control/tool_side_tank), and what the device keeps before
+    it ships any; with the budget at most. Where that is short, the hand feels the tool so much nearer.
     """
 
     def __init__(self, budget: float = BUDGET, limits: Limits = LIMITS):
@@ -261,15 +250,6 @@ class PspmPort(EnergyTankPort):
         self.returned += over
         return force_on_tool, self.returned
 
-    def felt(self, handle: HandleSample, position: Planar, velocity: Planar) -> tuple[Planar, Planar]:
-        """Where the pull to the handle is the one that the tool got."""
-        if not self.short:
-            return position, velocity
-        held = self.memory[tool_side_tank.AIM : tool_side_tank.AIM + 6]
-        kept_back = np.array((*handle.position, *handle.velocity)) - held
-        x, y, angle, vx, vy, turn = (np.array((*position, *velocity)) + kept_back).tolist()
-        return (x, y, angle), (vx, vy, turn)
-
 
 class WaveVariablePort(EnergyTankPort):
     """The tool pulled by the waves that have come: a force p − z v, which is a damper z to a handle at velocity p/z."""
@@ -289,6 +269,10 @@ class WaveVariablePort(EnergyTankPort):
     def restart(self) -> None:
         """As `rejoin`."""
         self.rejoin()
+
+    def kept_back(self, handle: HandleSample) -> np.ndarray | None:
+        """Nothing that a handle's place could say: the hand feels the waves that go back."""
+        return None
 
     def receive(self, handle: HandleSample, sub_step: float, inner: int = 1) -> Coupling:
         """What has come since the last sample is played over the time that the world now makes up."""

@@ -10,6 +10,8 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from haptic_sim.exchange.local_contacts import LocalContacts
 from haptic_sim.exchange.port import DirectPort, HandleSample, Port, port_of
 from haptic_sim.exchange.port_limits import Limits
@@ -256,7 +258,7 @@ class Simulation:
         self._last = handle
         exchanges, sub_steps = self.counters[:2]
         self.counters = Counters(exchanges + 1, sub_steps + count, *self.counters[2:])
-        return self._sample(handle, touched)
+        return self._sample(touched, self.port.kept_back(handle), count)
 
     @cached_property
     def local_contacts(self) -> LocalContacts:
@@ -290,9 +292,6 @@ class Simulation:
         target = along((self._last.position, self._last.velocity), (handle.position, handle.velocity))
         travelled = self.port.step(self.method, target, count)
         self.ledger.book(travelled.supplied, travelled.contacts, travelled.correction, travelled.numerical)
-        if self.port.short:
-            short_ns = self.counters.short_ns + count * self.sub_step_ns
-            self.counters = self.counters._replace(short_ns=short_ns)
         counters = self.counters
         if (
             travelled.force > counters.max_contact_force
@@ -306,8 +305,12 @@ class Simulation:
             )
         return travelled.touched
 
-    def _sample(self, handle: HandleSample, touched: bool) -> ToolSample:
-        method = self.method
-        effort, energy = self.port.send(method.force_on_tool, self.ledger.supplied)
-        position, velocity = self.port.felt(handle, method.position, method.velocity)
+    def _sample(self, touched: bool, kept_back: np.ndarray | None, count: int) -> ToolSample:
+        """The tool as the hand is to feel it: where the pull to it is the one that it got."""
+        position, velocity = self.method.position, self.method.velocity
+        effort, energy = self.port.send(self.method.force_on_tool, self.ledger.supplied)
+        if kept_back is not None:
+            self.counters = self.counters._replace(short_ns=self.counters.short_ns + count * self.sub_step_ns)
+            x, y, angle, vx, vy, turn = (np.array((*position, *velocity)) + kept_back).tolist()
+            position, velocity = (x, y, angle), (vx, vy, turn)
         return ToolSample(position, velocity, effort, touched, energy)

@@ -29,7 +29,8 @@ bodies:
   - {name: frame, fixed: true, shapes: [{box: {size: [0.02, 0.02], center: [0.0, -0.06]}}]}
 joints:
   - {name: pivot, type: pin, bodies: [world, lever], at: [0.0, 0.0], limits: [-0.4, 0.4], friction_torque: 0.005}
-  - {name: back, type: spring, bodies: [frame, lever], anchors: [[0.0, -0.05], [-0.03, 0.0]], stiffness: 60.0, damping: 0.5}
+  - {name: back, type: spring, bodies: [frame, lever], anchors: [[0.0, -0.05], [-0.03, 0.0]], stiffness: 60.0,
+     damping: 0.5}
   - {name: travel, type: slider, bodies: [world, button], at: [0.07, -0.02], axis: [0.0, -1.0], limits: [0.0, 0.01],
      stiffness: 200.0, damping: 1.0, rest: -0.002}
 tool: {mass: 0.05, pose: [0.06, 0.03, 0.0], shapes: [{circle: {radius: 0.008}}]}
@@ -104,7 +105,8 @@ def test_in_every_scene_a_tool_that_is_held_gets_what_the_hand_feels_up_to_the_d
         felt = np.clip(wanted, -15.0, 15.0)
         if np.hypot(*felt) <= Limits().force:
             forces = pulled(port, sub_step, inner, gains, wanted / gains[0])
-            assert np.hypot(*(forces[-1] - felt)) <= NEAR and not port.short
+            assert np.hypot(*(forces[-1] - felt)) <= NEAR
+            assert port.kept_back(HandleSample(0, STILL, STILL, *gains)) is None
 
 
 def test_the_reserve_is_what_the_devices_largest_pull_needs_and_never_more_than_the_budget():
@@ -145,10 +147,8 @@ def test_a_limit_that_none_can_mean_is_taken_as_not_told(told):
 def test_below_the_ports_own_limit_the_hand_feels_that_limit():
     port = port_of("pspm", limits=Limits(force=5.0))
     pulled(port, 0.25e-3, 1, DEMO, (0.005, 0.0))
-    assert port.short
-    sample = HandleSample(0, (0.005, 0.0, 0.0), STILL, *DEMO)
-    (x, *_), _ = port.felt(sample, STILL, STILL)
-    assert DEMO[0] * (0.005 - x) == pytest.approx(5.0)
+    nearer = port.kept_back(HandleSample(0, (0.005, 0.0, 0.0), STILL, *DEMO))
+    assert DEMO[0] * (0.005 - nearer[0]) == pytest.approx(5.0)
 
 
 def test_force_kept_short_is_said_where_it_lasts_longer_than_an_impact():
