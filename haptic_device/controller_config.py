@@ -133,12 +133,12 @@ def wall_problems(axes, values):
             yield f"wall.normals of wall {i} is [{nx:g}, {ny:g}]; the device has no y axis, so ny must be 0"
 
 
-def gains_from(values):
-    """GAINS record of the coupling, as the exchange ships them."""
+def gains_from(values, settings):
+    """GAINS record of the coupling, as the exchange ships them; settings: from `settings_from`, for the limits."""
     gains = np.zeros(1, COUPLING_GAINS)
     names = ("stiffness", "damping", "rotational_stiffness", "rotational_damping")
     numbers = [values[f"coupling.{name}"] for name in names]
     for name, number in zip(names, numbers, strict=True):
         gains[name] = number
-    gains["hash"] = exchange_samples.gains_hash(*numbers)
+    gains["hash"], gains["limit"] = exchange_samples.gains_hash(*numbers), settings["coupling"]["limit"]
     return gains

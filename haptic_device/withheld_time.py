@@ -8,6 +8,8 @@ from haptic_device.control.withheld import TABLE
 
 LASTS = 0.2  # [s] beyond which a cause counts
 BREAK = 0.02  # [s] without it that end it: a handle that moves pays for a tick now and then
+SHORT = "the tool's port keeps its force short, for want of energy or by its limit, and the hand feels as little"
+"""What the simulation withholds, named tool_port beside the causes of the driver."""
 _SECOND = 1e-9
 
 

@@ -49,8 +49,9 @@ TIME = 1e-3  # [s] that a run lasts, and a sub-step
 def driven():
     """The driver's servo, and all by which others meet it."""
     values = _values("haptic_driver")
-    thread = ServoThread(null_device.NullDevice(), controller_config.settings_from(load_device(DEVICE), values))
-    thread.gains.put(controller_config.gains_from(values))
+    settings = controller_config.settings_from(load_device(DEVICE), values)
+    thread = ServoThread(null_device.NullDevice(), settings)
+    thread.gains.put(controller_config.gains_from(values, settings))
     thread.ring.take(1)
     scratch = clock.scratch()
     clock.sleep_until(clock.now_ns(scratch), scratch)

@@ -19,6 +19,7 @@ from haptic_device.analysis.report.summary import (
     residual_figures,
     results,
     servo_figures,
+    short_time,
     waited_time,
     withheld_figures,
 )
@@ -51,7 +52,7 @@ def figures(recording: Recording, started: float, lossy: bool = False) -> dict:
         "servo": servo | {"realtime": driver.get("realtime")},
         "exchange": exchange | {"cause": "" if lossy else cause(servo, exchange, _load(recording), waited, seconds)},
         "simulation": {name: simulation.get(name) for name in ("method", "why")} | {"waited_s": waited},
-        "withheld_s": {name: total for name, (total, _) in (withheld_figures(recording) or {}).items()},
+        "withheld_s": _withheld(recording),
         "energy_j": energy_figures(recording, rows),
         "contact": contact_figures(recording, rows),
         "residual": residual_figures(recording, rows),
@@ -60,6 +61,12 @@ def figures(recording: Recording, started: float, lossy: bool = False) -> dict:
         "faults": faults(recording),
         "startup_s": first_command(recording.trace) - started,
     }
+
+
+def _withheld(recording: Recording) -> dict[str, float]:
+    """How long each cause withheld force [s], on the device's side and at the tool's port."""
+    found = {name: total for name, (total, _) in (withheld_figures(recording) or {}).items()}
+    return found | ({"tool_port": short} if (short := short_time(recording)) else {})
 
 
 def nothing() -> dict:

@@ -2,7 +2,8 @@
 """What driver and simulation tell each other, and which of the other's samples a side accepts.
 
 A sample is (3, n) numbers, n = axes + tail: the `position`, `velocity` and `effort` arrays of one JointState. The axes
-carry the port; each entry of TAIL (message_fields.py) has one number, in its position slot.
+carry the port; each entry of TAIL (message_fields.py) has one number, in its position slot. In a handle sample the
+effort slots of the first three gains say the largest force of the coupling's spring on x, y and theta; 0: not said.
 """
 
 import math
@@ -15,7 +16,9 @@ from haptic_device.message_fields import TAIL
 
 LAYOUT_VERSION = 1
 LAYOUT, SESSION, SEQUENCE, ANSWERED_SESSION, ANSWERED, METHOD, GAINS, GAIN_0 = range(8)
-COUPLING_GAINS = np.dtype([(name, "f8") for name in TAIL[GAIN_0 : GAIN_0 + 4]] + [("hash", "f8")])
+COUPLING_GAINS = np.dtype(
+    [(name, "f8") for name in (*TAIL[GAIN_0 : GAIN_0 + 4], "hash")] + [("limit", "f8", (3,))]  # of the spring, by axis
+)
 CONTACT, ENERGY = TAIL.index("contact"), TAIL.index("energy")
 DIRECT, WAVE, PSPM, LOCAL = range(4)
 LIMIT = 1e6  # [m, rad, m/s, N …] nothing real exceeds it; a sample beyond it is noise

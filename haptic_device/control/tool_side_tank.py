@@ -8,7 +8,8 @@ by d = slew · h a sub-step, takes no more than W a³/3d on top (the sum of W (a
 
     W a² (1 + a/3d) ≤ E
 
-is what a pull may be: then it can be let go slowly whatever comes. Limits: d → ∞ asks for the tank alone.
+is what a pull may be: then it can be let go slowly whatever comes. Limits: d → ∞ asks for the tank alone. For the
+largest pull that the device holds, as the handle samples tell it, that is the reserve which a port begins with.
 
 Over sub-steps in a row, N steps h of the world in all, the handle goes a way that is known beforehand. Let a_j be the
 pull at rest of step j were the tool still where it began, d_j the move h v⁺ that its force is taken for, and θ_j d_j,
@@ -35,8 +36,9 @@ from haptic_device.jit import kernel, njit
 DAMPER_SLEW = 0.25  # share of the slew that the handle's velocity may make on top of it, where there is a spring too
 AT_ONCE = 0.75  # share of a limit up to which a way is made at once: what the tool does meanwhile comes on top
 STIFFNESS, DAMPING, WORST, LIMIT, STEP = 0, 3, 6, 8, 10  # gains by axis; W, limit and d of x-y and of theta
-TIME, INNER, RULES = 12, 13, 14  # step of the world [s], and how many are a sub-step
-TANK, AIM, SPEED, PAST, JOINED, PULL, SHARE, MEMORY = 0, 1, 4, 7, 10, 11, 13, 14
+TIME, INNER = 12, 13  # step of the world [s], and how many are a sub-step
+TOLD, RULES = 14, 17  # limit of the spring on the hand, by axis; 0 where it is not told
+TANK, AIM, SPEED, PAST, JOINED, PULL, SHARE, SHORT, MEMORY = 0, 1, 4, 7, 10, 11, 13, 14, 15
 
 
 @kernel
@@ -51,15 +53,16 @@ def drive(rules, memory, handle, rate, tool):
     """Fills in AIM and SPEED of the memory: handle's place and velocity for a sub-step that starts with the tool there.
 
     As wanted, or drawn nearer to the tool: what the samples change of the pull is at most the slew (and a quarter of it
-    by their velocity), the pull at most the limit, and its energy at most the tank's. rules, memory: as the indices
-    above say; handle, rate, tool: of three axes.
+    by their velocity), the pull at most what the hand feels and the limit, and its energy at most the tank's; SHORT: 1
+    where limit or tank made less of it. rules, memory: as the indices above say; handle, rate, tool: of three axes.
     """
     for i in range(3):
         if memory[JOINED] == 0.0:
             memory[AIM + i], memory[SPEED + i], memory[PAST + i] = tool[i], 0.0, tool[i]
         step, stiffness, damping = rules[STEP + i // 2], rules[STIFFNESS + i], rules[DAMPING + i]
         reach = step / stiffness if stiffness > 0.0 else math.inf
-        memory[AIM + i] = set_position.slewed(memory[AIM + i], handle[i], tool[i] - memory[PAST + i], reach)
+        wanted = _as_felt(rules, handle[i], tool[i], i)
+        memory[AIM + i] = set_position.slewed(memory[AIM + i], wanted, tool[i] - memory[PAST + i], reach)
         step *= DAMPER_SLEW if stiffness > 0.0 else 1.0
         reach = step / damping if damping > 0.0 else math.inf
         memory[SPEED + i] = set_position.slewed(memory[SPEED + i], rate[i], 0.0, reach)
@@ -72,6 +75,7 @@ def drive(rules, memory, handle, rate, tool):
     _draw(memory, tool, 1, nearer_line)
     _draw(memory, tool, 2, nearer_turn)
     memory[PULL], memory[PULL + 1] = nearer_line * line, nearer_turn * turn
+    memory[SHORT] = 1.0 if min(nearer_line, nearer_turn) < 1.0 else 0.0
 
 
 @kernel
@@ -88,6 +92,8 @@ def covers(rules, memory, way, tool, count):
             return False
         step *= DAMPER_SLEW if rules[STIFFNESS + i] > 0.0 else 1.0
         if rules[DAMPING + i] * _fastest(way[0, 3 + i], way[1, 3 + i], speed, count) > step:
+            return False
+        if _as_felt(rules, way[0, i], tool[i], i) != way[0, i] or _as_felt(rules, way[1, i], tool[i], i) != way[1, i]:
             return False
     line = turn = 0.0  # a pull that changes evenly is largest at an end
     for row in range(2):
@@ -117,7 +123,7 @@ def _needed(rules, group, pull, count):
         return 0.0
     if held <= 0.0 or pull > AT_ONCE * rules[LIMIT + group]:
         return math.inf
-    return steps * pull * pull / (4.0 * held) + _kept(rules, group, pull)
+    return steps * pull * pull / (4.0 * held) + kept(rules, group, pull)
 
 
 @kernel
@@ -125,7 +131,7 @@ def went(rules, memory, way, tool):
     """The memory after the handle has gone its whole way as it is, and the tool has come there."""
     for i in range(3):
         memory[AIM + i], memory[SPEED + i], memory[PAST + i] = way[1, i], way[1, 3 + i], tool[i]
-    memory[SHARE] = 1.0
+    memory[SHARE], memory[SHORT] = 1.0, 0.0
     memory[PULL] = math.hypot(_pull(rules, memory, tool, 0), _pull(rules, memory, tool, 1))
     memory[PULL + 1] = abs(_pull(rules, memory, tool, 2))
 
@@ -146,9 +152,9 @@ def _allowed(rules, memory, line, turn):
     """Shares 0…1 of the pull in the plane and of the torque; SHARE says how much energy has left of either."""
     straight, around = min(line, rules[LIMIT]), min(turn, rules[LIMIT + 1])
     tank = max(0.0, memory[TANK])  # rounding may leave it below 0, where a pull of none would be too much
-    kept = _kept(rules, 0, straight) + _kept(rules, 1, around)
-    if kept > tank:
-        share = math.sqrt(tank / kept)
+    reserve = kept(rules, 0, straight) + kept(rules, 1, around)
+    if reserve > tank:
+        share = math.sqrt(tank / reserve)
         straight = min(straight, max(share * straight, memory[PULL] - rules[STEP]))
         around = min(around, max(share * around, memory[PULL + 1] - rules[STEP + 1]))
         memory[SHARE] = share
@@ -160,6 +166,15 @@ def _allowed(rules, memory, line, turn):
 
 
 @njit
-def _kept(rules, i, pull):
+def _as_felt(rules, handle, tool, i):
+    """Where the handle pulls from: no farther from the tool than the hand feels its spring, where that is told."""
+    if not (rules[TOLD + i] > 0.0 and rules[STIFFNESS + i] > 0.0):
+        return handle
+    reach = rules[TOLD + i] / rules[STIFFNESS + i]
+    return min(tool + reach, max(tool - reach, handle))
+
+
+@kernel
+def kept(rules, i, pull):
     """Energy [J] of a pull over a sub-step and of letting go of it at the slew."""
     return rules[WORST + i] * pull * pull * (1.0 + pull / (3.0 * rules[STEP + i]))

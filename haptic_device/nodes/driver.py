@@ -86,7 +86,7 @@ class DriverNode(ManagedNode):
         self._announced, self._alone_since = False, 0.0
         with self._changing:
             self.servo = ServoThread(self.hardware, settings, home, self.values["realtime"], self._kept)
-        self.servo.gains.put(controller_config.gains_from(self.values))
+        self.servo.gains.put(controller_config.gains_from(self.values, settings))
         self._set_flag(enable_state.CLUTCH, self.values["clutch.open"])
         self.exchange = ExchangeServer(self, self.servo, len(self.device.axes), self.values, self.clock.offset)
         self.exchange.start()
@@ -136,7 +136,7 @@ class DriverNode(ManagedNode):
         if self.servo is not None:
             self._version += 1
             self.servo.set(gain_check.counted(settings, self.lateness()))
-            self.servo.gains.put(controller_config.gains_from(values))
+            self.servo.gains.put(controller_config.gains_from(values, settings))
             self._set_flag(enable_state.CLUTCH, values["clutch.open"])
 
     def _judge(self, settings, values):

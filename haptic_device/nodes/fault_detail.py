@@ -104,9 +104,7 @@ def _not_finite(rows, settings):
 def _jump(rows, settings):
     if len(rows) < 2:
         return None
-    elapsed = (
-        rows["latched"][-1] - rows["latched"][-2] + rows["stamp_error"][-2:].sum()
-    ) * 1e-9  # as `sense` counts it
+    elapsed = (rows["latched"][-1] - rows["latched"][-2] + rows["stamp_error"][-2:].sum()) * 1e-9  # as sensing has it
     before, after = (_places(row, settings) for row in rows[-2:])
     ways = [
         _along(i, value=abs(after[i] - before[i]), limit=2.0 * settings["hardware"]["velocity_limit"][i] * elapsed)

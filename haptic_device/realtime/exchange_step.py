@@ -121,6 +121,8 @@ def compose_handle(frame, state, row, gains, scratch):
         gains.rotational_stiffness,
         gains.rotational_damping,
     )
+    for i in range(axes):
+        frame.reals[effort + axes + exchange_samples.GAIN_0 + i] = gains.limit[i]
     tail[exchange_samples.CONTACT], tail[exchange_samples.ENERGY] = 0.0, row.exchange_energy
     stamp = np.int64(row.deadline) + state.clock_offset
     frame.stamp[0], frame.stamp[1] = stamp // 1_000_000_000, stamp % 1_000_000_000

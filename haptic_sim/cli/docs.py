@@ -11,7 +11,7 @@ from haptic_device.control.faults import TABLE
 from haptic_device.control.withheld import TABLE as WITHHELD
 from haptic_device.os_errors import naming
 from haptic_device.parameter_types import Parameter
-from haptic_device.withheld_time import BREAK, LASTS
+from haptic_device.withheld_time import BREAK, LASTS, SHORT
 from haptic_sim.node_parameters import NODES
 
 HEAD = """# Parameters
@@ -72,6 +72,7 @@ Generated from `control/withheld.py: TABLE`. Withheld force is not a fault: the 
 than is wanted. It is reported if it lasts more than {LASTS:g} s without a break of more than {BREAK * 1e3:g} ms.
 The page, `haptic status`, `haptic demo`, `haptic report` and `/diagnostics` show it.
 `test/unit/test_withheld.py` provokes each cause.
+The simulation tells `tool_port` itself: {SHORT}.
 If the simulated world [leaves time out](../theory/exchange.md#age-cuts-rates), no force is withheld, and the simulation
 warns.
 

@@ -6,6 +6,7 @@ from typing import Any
 
 from haptic_device.control.withheld import TABLE
 from haptic_device.digits import amount
+from haptic_device.withheld_time import SHORT
 
 FIGURES = {  # key: (words, scale to the unit, unit)
     "seconds": ("length of the run", 1.0, "s"),
@@ -41,6 +42,7 @@ FIGURES = {  # key: (words, scale to the unit, unit)
     "residual explained_by_age_n": ("of it from the age of the tool sample", 1.0, "N"),
     "residual unexplained_n": ("of it unexplained", 1.0, "N"),
     **{f"withheld_s {each.name}": (f"force withheld: {each.cause}", 1.0, "s") for each in TABLE},
+    "withheld_s tool_port": (f"force withheld: {SHORT}", 1.0, "s"),
 }
 LEFT_OUT = ("scene", "done", "why", "exchange cause", "late", "bag", "report", "result", "result_greatest")
 

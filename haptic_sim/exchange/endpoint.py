@@ -232,7 +232,8 @@ class ExchangeEndpoint:
         self._peer = exchange_samples.Peer(tail[exchange_samples.SESSION], tail[exchange_samples.SEQUENCE], now_ns)
         rest = self.home[axes:], (0.0,) * missing, (0.0,) * missing
         position, velocity, effort = ((*given[:axes], *other) for given, other in zip(arrays, rest, strict=True))
-        whole = stamp_ns, position, velocity, *tail[GAINS], effort, tail[exchange_samples.ENERGY]
+        limit = (*arrays[2][axes:][GAINS][:axes], *(0.0,) * missing)
+        whole = stamp_ns, position, velocity, *tail[GAINS], effort, tail[exchange_samples.ENERGY], limit
         return Question(HandleSample._make(whole), axes, tail, self._peer.session != before)
 
     def _judge(self, sample: np.ndarray, axes: int, now_ns: int) -> int:

@@ -5,14 +5,18 @@ A port moves the world: it says for each sub-step where the handle is that the c
 """
 
 import abc
+import math
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from haptic_device.control import exchange_wave, tool_side_tank
-from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_device.parameters import EXCHANGE_METHODS, Exchange
 from haptic_sim.exchange.port_limits import BUDGET, LIMITS, Limits
-from haptic_sim.protocol import Coupling, Planar, StepResult, World
+from haptic_sim.protocol import STILL, Coupling, Planar, StepResult, World
+
+UNSHIPPED = Exchange.model_fields["tank"].default
+"""Energy [J] that a device keeps before it ships any: the tool may have been given that much ahead."""
 
 
 class HandleSample(NamedTuple):
@@ -28,6 +32,7 @@ class HandleSample(NamedTuple):
         rotational_damping: B of the coupling about theta [N m s/rad].
         effort: what the exchange method sends in addition to the gains (docs/theory/exchange.md).
         energy: energy that the exchange method sends [J].
+        limit: largest force of the coupling's spring on the hand [N, N, N m]; 0 where it is not told.
 
     Examples:
         >>> from haptic_sim.exchange.simulation import HandleSample
@@ -45,6 +50,7 @@ class HandleSample(NamedTuple):
     rotational_damping: float
     effort: Planar = (0.0, 0.0, 0.0)
     energy: float = 0.0
+    limit: Planar = STILL
 
     @property
     def gains(self) -> Coupling:
@@ -70,6 +76,9 @@ class Port(Protocol):
     def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
         """The effort and energy of the tool sample."""
 
+    def kept_back(self, handle: HandleSample) -> np.ndarray | None:
+        """By how much of the handle's position and velocity (6) limit or energy keep the force short; None if not."""
+
 
 class DirectPort:
     """The handle as it is said to be, whatever that does to the energy."""
@@ -91,6 +100,10 @@ class DirectPort:
     def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
         """The force on the tool, and the energy supplied."""
         return force_on_tool, supplied
+
+    def kept_back(self, handle: HandleSample) -> np.ndarray | None:
+        """Nothing."""
+        return None
 
 
 class EnergyTankPort(abc.ABC):
@@ -129,11 +142,18 @@ class EnergyTankPort(abc.ABC):
         found = self.memory[tool_side_tank.AIM : tool_side_tank.AIM + 6].tolist()
         return tuple(found[:3]), tuple(found[3:])
 
+    def kept_back(self, handle: HandleSample) -> np.ndarray | None:
+        """What limit or tank made less of the handle's way to the tool at the last step's end; None for nothing."""
+        if self.memory[tool_side_tank.SHORT] == 0.0:
+            return None
+        held = self.memory[tool_side_tank.AIM : tool_side_tank.AIM + 6]
+        return np.array((*handle.position, *handle.velocity)) - held
+
     @abc.abstractmethod
     def book(self, supplied: float, force_on_tool: Planar, before: Planar, after: Planar) -> None:
         """Take the sub-step's energy supplied [J], mean force on the tool [N, N, N m] and the tool's way."""
 
-    def _rule(self, gains: Coupling, sub_step: float, inner: int) -> None:
+    def _rule(self, gains: Coupling, sub_step: float, inner: int, told: Planar = STILL) -> None:
         """Rules for these gains and this sub-step [s]; a torque may change as fast as a force does for its limit.
 
         Over a sub-step of n steps a spring supplies more than over one: with the stretch as it was at the start in each
@@ -150,13 +170,16 @@ class EnergyTankPort(abc.ABC):
             *(force, torque),
             *(slew * sub_step, slew * sub_step * torque / force),
             *(sub_step / inner, inner),
+            *told,
         )
 
 
 class PspmPort(EnergyTankPort):
     """The handle drawn nearer where its pull could supply more energy than the device has shipped.
 
-    What is really supplied is taken from the tank, and what the tool gives back comes into it.
+    What is really supplied is taken from the tank, and what the tool gives back comes into it. The tank begins with
+    what the largest pull needs that device and limits hold (control/tool_side_tank), and what the device keeps before
+    it ships any; with the budget at most. Where that is short, the hand feels the tool so much nearer.
     """
 
     def __init__(self, budget: float = BUDGET, limits: Limits = LIMITS):
@@ -164,11 +187,11 @@ class PspmPort(EnergyTankPort):
         way, still = np.zeros((2, 6)), (0.0, 0.0, 0.0)
         tool_side_tank.covers(self.rules, self.memory, way, still, 2)
         tool_side_tank.went(self.rules, self.memory, way, still)
+        tool_side_tank.kept(np.ones(tool_side_tank.RULES), 0, 0.0)
         self.memory[:] = 0.0
-        self.budget = self.memory[tool_side_tank.TANK] = budget
-        self.returned = 0.0
+        self.budget, self.granted, self.returned = budget, 0.0, 0.0
         self._known: float | None = None
-        self._gains: Coupling | None = None
+        self._told: tuple[Coupling, Planar] | None = None
 
     @property
     def tank(self) -> float:
@@ -181,9 +204,10 @@ class PspmPort(EnergyTankPort):
         self.memory[[tool_side_tank.JOINED, tool_side_tank.PULL, tool_side_tank.PULL + 1]] = 0.0
 
     def restart(self) -> None:
-        """As `rejoin`, with the budget in the tank: what the world before had left, or had spent, is gone with it."""
+        """As `rejoin`, with a new reserve: what the world before had left, or had spent, is gone with it."""
         self.rejoin()
-        self.memory[tool_side_tank.TANK], self._gains = self.budget, None  # the world may have another sub-step
+        self.memory[tool_side_tank.TANK] = self.granted = 0.0
+        self._told = None  # the world may have another sub-step
 
     def receive(self, handle: HandleSample, sub_step: float, inner: int = 1) -> Coupling:
         """Energy shipped since the last sample goes into the tank."""
@@ -191,10 +215,20 @@ class PspmPort(EnergyTankPort):
         self.memory[tool_side_tank.TANK] += max(0.0, handle.energy - known)
         self._known = max(known, handle.energy)
         gains = handle.gains
-        if gains != self._gains:
-            self._gains = gains
-            self._rule(gains, sub_step, inner)
+        if (gains, handle.limit) != self._told:
+            self._told = gains, handle.limit
+            self._rule(gains, sub_step, inner, handle.limit)
+            self._grant(*handle.limit)
         return gains
+
+    def _grant(self, x: float, y: float, turn: float) -> None:
+        """Changes the reserve to what these limits of the device [N, N, N m] need; what is spent is not taken back."""
+        force = min(self.limits.force, math.hypot(x, y)) if x > 0.0 or y > 0.0 else self.limits.force
+        torque = min(self.limits.torque, turn) if turn > 0.0 else self.limits.torque
+        needed = tool_side_tank.kept(self.rules, 0, force) + tool_side_tank.kept(self.rules, 1, torque) + UNSHIPPED
+        change = max(min(self.budget, needed) - self.granted, -max(0.0, self.tank))
+        self.granted += change
+        self.memory[tool_side_tank.TANK] += change
 
     def step(self, world: World, target: np.ndarray, n: int) -> StepResult:
         """All at once where the tank covers the worst of it and no limit is near; else sub-step by sub-step."""
@@ -210,8 +244,8 @@ class PspmPort(EnergyTankPort):
         self.memory[tool_side_tank.TANK] -= supplied
 
     def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
-        """The force on the tool, and all that was sent back so far: what the tank holds above the budget."""
-        over = max(0.0, self.tank - self.budget)
+        """The force on the tool, and all that was sent back so far: what the tank holds above its reserve."""
+        over = max(0.0, self.tank - self.granted)
         self.memory[tool_side_tank.TANK] -= over
         self.returned += over
         return force_on_tool, self.returned
@@ -235,6 +269,10 @@ class WaveVariablePort(EnergyTankPort):
     def restart(self) -> None:
         """As `rejoin`."""
         self.rejoin()
+
+    def kept_back(self, handle: HandleSample) -> np.ndarray | None:
+        """Nothing that a handle's place could say: the hand feels the waves that go back."""
+        return None
 
     def receive(self, handle: HandleSample, sub_step: float, inner: int = 1) -> Coupling:
         """What has come since the last sample is played over the time that the world now makes up."""

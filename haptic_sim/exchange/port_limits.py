@@ -3,8 +3,9 @@
 
 from typing import NamedTuple
 
-BUDGET = 0.05
-"""Energy [J] the tool port may supply before any has been shipped, and keep; what is over goes back to the device."""
+BUDGET = 1.0
+"""Most energy [J] the tool port may supply before any has been shipped, and keep: as much as a pull needs that the
+device holds (haptic_sim/exchange/port.py, PspmPort). What is over goes back to the device."""
 
 
 class Limits(NamedTuple):

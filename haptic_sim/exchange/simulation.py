@@ -10,6 +10,8 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from haptic_sim.exchange.local_contacts import LocalContacts
 from haptic_sim.exchange.port import DirectPort, HandleSample, Port, port_of
 from haptic_sim.exchange.port_limits import Limits
@@ -27,7 +29,8 @@ class ToolSample(NamedTuple):
     """The answer to one handle sample.
 
     Attributes:
-        position: of the tool's grip [m, m, rad].
+        position: of the tool's grip [m, m, rad], as the hand is to feel it: nearer to the handle where limit or energy
+            of the port keep the force short.
         velocity: of the tool [m/s, m/s, rad/s].
         force_on_tool: mean force of the coupling on the tool over the last sub-step [N, N, N m], or the value that the
             exchange method sends instead.
@@ -62,6 +65,7 @@ class Counters(NamedTuple):
         max_penetration: deepest overlap [m].
         left_out: contacts that were too many for the method; above 0 the motion can be wrong.
         waited_ns: time between handle samples that the world did not simulate [ns].
+        short_ns: simulated time in which the port kept the force short [ns].
 
     Examples:
         >>> from haptic_sim.exchange.simulation import Simulation
@@ -78,6 +82,7 @@ class Counters(NamedTuple):
     max_penetration: float = 0.0
     left_out: int = 0
     waited_ns: int = 0
+    short_ns: int = 0
 
 
 class Energy(NamedTuple):
@@ -253,7 +258,7 @@ class Simulation:
         self._last = handle
         exchanges, sub_steps = self.counters[:2]
         self.counters = Counters(exchanges + 1, sub_steps + count, *self.counters[2:])
-        return self._sample(touched)
+        return self._sample(touched, self.port.kept_back(handle), count)
 
     @cached_property
     def local_contacts(self) -> LocalContacts:
@@ -300,7 +305,12 @@ class Simulation:
             )
         return travelled.touched
 
-    def _sample(self, touched: bool) -> ToolSample:
-        method = self.method
-        effort, energy = self.port.send(method.force_on_tool, self.ledger.supplied)
-        return ToolSample(method.position, method.velocity, effort, touched, energy)
+    def _sample(self, touched: bool, kept_back: np.ndarray | None, count: int) -> ToolSample:
+        """The tool as the hand is to feel it: where the pull to it is the one that it got."""
+        position, velocity = self.method.position, self.method.velocity
+        effort, energy = self.port.send(self.method.force_on_tool, self.ledger.supplied)
+        if kept_back is not None:
+            self.counters = self.counters._replace(short_ns=self.counters.short_ns + count * self.sub_step_ns)
+            x, y, angle, vx, vy, turn = (np.array((*position, *velocity)) + kept_back).tolist()
+            position, velocity = (x, y, angle), (vx, vy, turn)
+        return ToolSample(position, velocity, effort, touched, energy)

@@ -32,7 +32,7 @@ class Simulation(Group):
         1.0,
     )
     exchange: Method
-    port_budget: float = fixed(BUDGET, "J", "energy that the tool port may supply before any has arrived", 0.0, 10.0)
+    port_budget: float = fixed(BUDGET, "J", "most energy that the tool port supplies before any has come", 0.0, 10.0)
     port_force: float = fixed(LIMITS.force, "N", "largest force of the coupling on the tool", 0.1, 1000.0)
     port_torque: float = fixed(LIMITS.torque, "N m", "largest torque of the coupling on the tool", 0.001, 100.0)
     port_slew: float = fixed(

@@ -25,6 +25,7 @@ from haptic_device.os_errors import in_words
 from haptic_device.realtime.scheduling import go_realtime, lift_interpreter, lift_threads, put_back, spare_collections
 from haptic_sim.exchange.endpoint import ExchangeEndpoint
 from haptic_sim.exchange.left_out_time import left_out_sentence, paused_sentence
+from haptic_sim.exchange.short_force import short_sentence
 from haptic_sim.exchange.simulation import Added, Simulation, kernels_of
 from haptic_sim.node.exchange_thread import ExchangeThread
 from haptic_sim.node.parameters import FIGURES, PARAMETERS
@@ -68,6 +69,7 @@ class SimulationNode(ManagedNode):
         """Starts answering."""
         self._refused, self._rejoined = Refusals("handle"), self.simulation.counters.rejoined
         self._waited = self.simulation.counters.waited_ns, time.monotonic()
+        self._kept_short = self.simulation.counters.short_ns, time.monotonic()
         self._scene, self._result = ScenePublisher(self), self.simulation.measure()
         home, method = self.simulation.scene.tool.pose, self.values["exchange.method"]
         self.exchange = ExchangeEndpoint(self.simulation, home, method)
@@ -101,7 +103,8 @@ class SimulationNode(ManagedNode):
         values = {"scene": world.scene.name, "method": world.method_name, "why": world.why}
         values |= {"scheduling": self.scheduling, **_values(self.exchange, world), "survived": self.survived}
         values |= {f"result.{name}": value for name, value in self._result.items()}
-        level, message = self._verdict()
+        values["withheld"] = short = self._short()
+        level, message = self._verdict(short)
         figures = {"compute": values["compute_us_p99"] * 1e-6, **self._rates.of(refused=values["refused"])}
         watched = diagnostics.statuses(self.get_name(), FIGURES, figures, self.values)
         self.say_status(level, message, values, watched)
@@ -116,7 +119,7 @@ class SimulationNode(ManagedNode):
         if self._scene.show(self.simulation, self.exchange.position, time.monotonic_ns()):
             self._result = self.simulation.measure()
 
-    def _verdict(self):
+    def _verdict(self, short):
         counters = self.simulation.counters
         known, self._rejoined = self._rejoined, counters.rejoined
         rejoined, late = self._rejoined - known, self._late()
@@ -135,7 +138,7 @@ class SimulationNode(ManagedNode):
             return "warn", "no handle sample has come yet"
         if rejoined > 0 and not (late and self.exchange.pace.dear):
             return "warn", paused_sentence(rejoined, self.values["max_catch_up"])
-        return ("warn", late) if late else ("ok", "answering")
+        return ("warn", late or short) if late or short else ("ok", "answering")
 
     def _late(self):
         """What is to be said of the time left out since the last report."""
@@ -143,6 +146,13 @@ class SimulationNode(ManagedNode):
         self._waited = self.simulation.counters.waited_ns, now
         seconds = 1e-9 * (self._waited[0] - known[0])
         return left_out_sentence(seconds, now - known[1], pace.load, 1e-9 * pace.period_ns)
+
+    def _short(self):
+        """What is to be said of force that the port kept short since the last report."""
+        known, world = self._kept_short, self.simulation
+        self._kept_short = world.counters.short_ns, time.monotonic()
+        seconds = 1e-9 * (self._kept_short[0] - known[0])
+        return short_sentence(seconds, self._kept_short[1] - known[1], getattr(world.port, "tank", 0.0))
 
     def _world(self, values):
         """A simulation as these parameters say."""
@@ -237,6 +247,7 @@ def _values(exchange, world):
         **{f"refused.{reason}": count for reason, count in refused.items() if count},
         "rejoined": world.counters.rejoined,
         "waited_s": 1e-9 * world.counters.waited_ns,
+        "short_s": 1e-9 * world.counters.short_ns,
         "world_load": exchange.pace.load,
         "sub_steps": world.counters.sub_steps,
         "compute_us_p50": statistics.median(times) / 1e3,

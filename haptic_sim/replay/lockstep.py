@@ -99,7 +99,7 @@ class Lockstep:
         self.device, self.simulation, self.network, self._hand = device, simulation, network, hand
         self.settings = controller_config.settings_from(device, driver)
         gain_check.counted(self.settings, gain_check.delays(self.settings[0]) + write_delay)
-        self.gains = controller_config.gains_from(driver)[0]
+        self.gains = controller_config.gains_from(driver, self.settings)[0]
         self.memory, self.tool = np.zeros(1, records.STATE), np.zeros(1, servo_loop.TOOL)
         self.plant, self.plant_memory, self.motion = loopback_config.hand_from(device, loopback)
         self.ticks, self.period = 0, round(SECOND / driver["servo.rate"])
@@ -206,11 +206,11 @@ class Lockstep:
         if self.simulation is None or row.deadline < (self._sent + 1) * self.exchange_period:
             return
         self._sent += 1
-        *gains, _ = self.gains.tolist()
+        *gains, _, limit = self.gains.tolist()
         port = (tuple(row.position.tolist()), tuple(row.velocity.tolist()))
         shipped = (tuple(row.exchange_effort.tolist()), float(row.exchange_energy))
         now = int(row.deadline)
-        self._fly(self._going, now, self._sent, now, HandleSample._make((now, *port, *gains, *shipped)))
+        self._fly(self._going, now, self._sent, now, HandleSample._make((now, *port, *gains, *shipped, tuple(limit))))
 
 
 def _split(flying: Flying, deadline: int) -> tuple[Flying, Flying]:

@@ -20,8 +20,11 @@ def unfelt(state: State, frame: dict, known: bool) -> dict:
     if known and DRIVER in state.statuses and SIMULATION not in state.statuses:
         return {"words": SILENT, "todo": "Simulation silent: the tool is drawn where it was last."}
     causes = [name for name in state.said(DRIVER, "withheld").split(", ") if name]
-    if not causes or state.said(DRIVER, "fault"):
+    if state.said(DRIVER, "fault"):
         return {"words": "", "todo": ""}
+    if not causes:
+        short = state.said(SIMULATION, "withheld")
+        return {"words": LESS if short else "", "todo": f"{LESS.capitalize()}: {short}." if short else ""}
     first = next((cause for cause in TABLE if cause.name in causes), None)
     words = NOT_FELT if set(causes) & NOT_HELD else LESS
     if first is None or first.name not in LEADING:

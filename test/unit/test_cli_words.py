@@ -7,6 +7,7 @@ from in_process import haptic
 
 from haptic_device.config_files import find
 from haptic_device.control.withheld import TABLE
+from haptic_device.withheld_time import SHORT
 from haptic_sim.cli import outcome_rows, tables
 from haptic_sim.cli.words import next_step, shown_path
 from haptic_sim.outcome import nothing
@@ -36,7 +37,7 @@ RUN = {
         "cause": "",
     },
     "simulation": {"method": "impulse", "why": "several contacts have to be solved together " * 4, "waited_s": 0.0},
-    "withheld_s": {each.name: 3.2 for each in TABLE},
+    "withheld_s": {each.name: 3.2 for each in TABLE} | {"tool_port": 0.7},
     "energy_j": {"given_to_operator_max": 2.0000000001e-3, "given_to_operator_end": -0.5, "tool_port_end": None},
     "contact": {"max_force_n": 2.5, "max_on_hand_n": 3.14159, "max_penetration_m": 9.78e-7},
     "residual": {"rms_n": 0.1234, "explained_by_age_n": 0.1, "unexplained_n": 0.01},
@@ -58,6 +59,7 @@ def test_the_figures_of_a_run_are_words_with_units_and_no_keys():
     assert said["why this method"].startswith("several contacts")
     assert said["insertion fraction"] == "last 0.988, greatest 0.99"
     assert all(said[f"force withheld: {each.cause}"] == "3.2 s" for each in TABLE)
+    assert said[f"force withheld: {SHORT}"] == "700 ms"
     assert not any("_" in words for words in said)
 
 

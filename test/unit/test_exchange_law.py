@@ -227,7 +227,7 @@ def test_gains_that_differ_have_another_hash_and_equal_ones_the_same(gains, whic
 
 def test_a_handle_sample_carries_port_session_gains_and_the_time_it_was_latched():
     side, row, scratch = Driver(sequence=0.0), np.zeros(1, records.TRACE_ROW), clock.scratch()
-    side.gains["stiffness"], side.gains["damping"] = 2000.0, 2.0
+    side.gains["stiffness"], side.gains["damping"], side.gains["limit"] = 2000.0, 2.0, (15.0, 14.0, 1.0)
     latched, side.state["clock_offset"] = 5_000_000_000, 7_000_000_123
     row["deadline"], row["position"], row["velocity"] = latched, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0)
     row["exchange_effort"], row["tool_sequence"] = (7.0, 8.0, 9.0), 41.0
@@ -236,6 +236,9 @@ def test_a_handle_sample_carries_port_session_gains_and_the_time_it_was_latched(
     assert side.layout.matches(side.frame.outgoing.tobytes())
     assert sample.position[:3].tolist() == [1.0, 2.0, 3.0] and sample.velocity[:3].tolist() == [4.0, 5.0, 6.0]
     assert sample.effort[:3].tolist() == [7.0, 8.0, 9.0]
+    limits = dict(zip(TAIL, sample.effort[3:], strict=True))
+    assert [limits[name] for name in ("stiffness", "damping", "rotational_stiffness")] == [15.0, 14.0, 1.0]
+    assert sum(limits.values()) == 30.0  # of the others nothing is said
     tail = dict(zip(TAIL, sample.position[3:], strict=True))
     assert (tail["session"], tail["sequence"], tail["answered"]) == (SESSION, 1.0, 41.0)
     assert (tail["layout_version"], tail["stiffness"], tail["damping"]) == (law.LAYOUT_VERSION, 2000.0, 2.0)

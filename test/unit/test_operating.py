@@ -71,8 +71,9 @@ def test_walls_that_do_not_fit_together_are_refused_in_a_sentence():
 
 def test_both_sides_of_the_coupling_are_told_the_same_gains():
     given = values("haptic_driver", coupling__stiffness=500.0, coupling__rotational_damping=0.004)
-    gains = controller_config.gains_from(given)[0]
+    gains = controller_config.gains_from(given, controller_config.settings_from(device(axes=2), given))[0]
     assert (gains["stiffness"], gains["rotational_damping"]) == (500.0, 0.004)
+    assert gains["limit"].tolist() == [15.0, 15.0, 0.0]  # what the motors hold of force.limit
     assert gains["hash"] == exchange_samples.gains_hash(500.0, 1.0, 1.0, 0.004)
 
 

@@ -22,9 +22,9 @@ H, MS = 0.25e-3, 1_000_000
 WIDE = Limits(1e6, 1e6, 1e12)
 
 
-def sample(number, place, rate, gains, energy):
-    """The handle sample of one axis."""
-    return HandleSample(number * MS, (place, 0.0, 0.0), (rate, 0.0, 0.0), *gains, (0.0, 0.0, 0.0), energy)
+def sample(number, place, rate, gains, energy, limit=0.0):
+    """The handle sample of one axis; limit: on the hand [N], 0 where it is not told."""
+    return HandleSample(number * MS, (place, 0.0, 0.0), (rate, 0.0, 0.0), *gains, STILL, energy, (limit, 0.0, 0.0))
 
 
 class Willing:
@@ -88,19 +88,25 @@ GENES = st.tuples(st.floats(-4e-3, 4e-3), st.floats(-0.5, 0.5), st.sampled_from(
     made=st.lists(st.sampled_from([0.0, 0.5, 1.0]), min_size=96, max_size=96),
     gains=st.sampled_from([(2000.0, 2.0), (2000.0, 0.0), (500.0, 4.0), (0.0, 2.0)]),
     limits=st.sampled_from([WIDE, Limits()]),
+    told=st.lists(st.sampled_from([0.0, 0.5, 3.0, 15.0]), min_size=12, max_size=12),
+    budget=st.sampled_from([0.01, BUDGET]),
 )
-def test_whatever_the_tool_does_over_whole_exchanges_the_tank_is_not_overdrawn(way, moves, made, gains, limits):
-    port, world, shipped = PspmPort(BUDGET, limits), Willing(2, moves, made), 0.0
+def test_whatever_the_tool_does_over_whole_exchanges_the_tank_is_not_overdrawn(
+    way, moves, made, gains, limits, told, budget
+):
+    """Nor with limits that are told anew with every sample: what is granted is never more than the budget."""
+    port, world, shipped = PspmPort(budget, limits), Willing(2, moves, made), 0.0
     before = along((STILL, STILL))
     for number, (place, rate, energy) in enumerate(way):
         shipped += energy
-        world.gains = port.receive(sample(number, place, rate, (*gains, 0.0, 0.0), shipped), H, world.inner)
+        told_now = sample(number, place, rate, (*gains, 0.0, 0.0), shipped, told[number])
+        world.gains = port.receive(told_now, H, world.inner)
         after = along(((place, 0.0, 0.0), (rate, 0.0, 0.0)))
         port.step(world, np.concatenate([before, after]), 4)
         before = after
-        assert port.tank >= -1e-12
+        assert port.tank >= -1e-12 and port.granted <= budget
         # what was shipped after the first sample, less all that the tool was given
-        assert port.tank == pytest.approx(BUDGET + shipped - way[0][2] - world.given, abs=1e-12)
+        assert port.tank == pytest.approx(port.granted + shipped - way[0][2] - world.given, abs=1e-12)
 
 
 def asked_of(way, gains=(2000.0, 2.0), limits=WIDE, budget=BUDGET):

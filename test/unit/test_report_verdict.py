@@ -86,6 +86,22 @@ def test_force_that_was_withheld_and_samples_that_were_not_answered_are_told_wit
     assert "of 2000 handle samples were answered." in found.rest
 
 
+@pytest.mark.parametrize(("seconds", "level"), [("0.19", GOOD), ("0.5", WARN)])
+def test_force_that_the_tools_port_withheld_is_told_where_it_lasted(judged, monkeypatch, seconds, level):
+    monkeypatch.setitem(SAID, "short_s", seconds)
+    found = judged()
+    assert found.level == level and ("Force was withheld: tool_port 0.50 s." in found.rest) == (level == WARN)
+
+
+@pytest.mark.parametrize(("force", "level"), [(0.098, GOOD), (0.102, WARN)])
+def test_more_than_a_tenth_of_a_newton_between_handle_and_tool_that_no_age_explains_is_not_good(judged, force, level):
+    def lessen(rows):
+        rows["tool_effort"][:, :2] -= force
+
+    found = judged(lessen)
+    assert found.level == level and ("Forces on handle and tool differ by 102 mN" in found.rest) == (level == WARN)
+
+
 @pytest.mark.parametrize(("count", "level"), [(80, GOOD), (81, WARN)])
 def test_more_than_one_sample_in_a_hundred_late_or_one_tick_missed_is_a_warning(judged, count, level):
     def late(rows):

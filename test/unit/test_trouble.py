@@ -97,6 +97,14 @@ def test_a_silent_node_is_told_with_the_command_that_starts_it_unless_it_was_nev
     assert unfelt(viewed, FRAME, True)["words"] == "simulation silent"
 
 
+def test_force_that_the_tools_port_keeps_short_is_told_as_less_force_in_the_simulations_words(clock):
+    viewed = Viewed(clock).hear(DRIVER, state="engaged").hear(SIMULATION, withheld="the tool's port kept it short")
+    told = unfelt(viewed, FRAME, True)
+    assert told == {"words": "less force", "todo": "Less force: the tool's port kept it short."}
+    viewed.hear(DRIVER, state="engaged", withheld="clutch")
+    assert "clutch" in unfelt(viewed, FRAME, True)["todo"], "the driver's cause is said first"
+
+
 def test_the_terminal_is_told_of_each_trouble_once_when_its_number_is_known(clock):
     def told(fault, detail="", later=STANDS + 0.01):
         viewed.hear(DRIVER, fault=fault, fault_detail=detail).look()

@@ -15,7 +15,7 @@ from haptic_device.control.faults import FRESH, name_of
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.recording.bag_contents import Joints, Recording, Records
 from haptic_device.status import number
-from haptic_device.withheld_time import WithheldTime
+from haptic_device.withheld_time import LASTS, WithheldTime
 
 GOALS = ("insertion_fraction", "arrived")  # measures that say of themselves whether the job was done
 REACHED = 0.95  # of a goal
@@ -140,6 +140,22 @@ def energy_given_to_tool(recording: Recording) -> float | None:
 def waited_time(recording: Recording) -> float | None:
     """Time [s] between handle samples that the world left out; None where the simulation has not said it twice."""
     return recording.grown("haptic_simulation", "waited_s")
+
+
+def short_time(recording: Recording) -> float:
+    """Time [s] in which the tool's port withheld force, where it is worth a word; 0 where the simulation does not say.
+
+    Args:
+        recording: the recording, from `load`.
+
+    Examples:
+        >>> from haptic_device.analysis.report.summary import short_time
+        >>> from haptic_device.recording import load
+        >>> short_time(load("run/bag"))
+        0.0
+    """
+    found = recording.grown("haptic_simulation", "short_s") or 0.0
+    return found if found > LASTS else 0.0
 
 
 def contact_figures(recording: Recording, rows: Records | None) -> dict[str, float | None]:

@@ -13,7 +13,7 @@ from haptic_device.analysis.report.run import Run
 from haptic_device.control.faults import name_of
 from haptic_device.control.withheld import TABLE
 from haptic_device.sequence_gaps import UNKNOWN
-from haptic_device.withheld_time import LASTS
+from haptic_device.withheld_time import LASTS, SHORT
 
 Entries = Iterator[tuple[str, str]]
 """(name, text) of a section's lines."""
@@ -111,7 +111,10 @@ def _withheld(run: Run) -> Entries:
     found = summary.withheld_figures(run.recording)
     if found is None:
         raise ValueError("the trace does not say it: it is of an older version")
-    if not found:
+    short = summary.short_time(run.recording)
+    if short:
+        yield "tool_port", f"{short:.2f} s in all: {SHORT}"
+    if not found and not short:
         yield "found", f"none for more than {LASTS:g} s"
     causes = {each.name: each.cause for each in TABLE}
     for name, (total, longest) in found.items():

@@ -13,6 +13,7 @@ from haptic_device.digits import amount, plain
 
 LATE = 0.01  # share of ticks missed, or of samples late or unanswered, that is worth a warning
 NOTHING = 1e-6  # [J] of energy that nobody feels
+MISMATCH = 0.1  # [N] between the forces on handle and tool, beyond what the age of samples explains
 GOOD, WARN, BAD = "good", "warn", "bad"
 _FAULTS = {fault.name: fault for fault in TABLE}
 Findings = Iterator[tuple[str, str]]
@@ -120,8 +121,11 @@ def _energy(run: Run) -> Findings:
 
 def _withheld(run: Run) -> Findings:
     found = summary.withheld_figures(run.recording) if run.traced else None
-    if found:
-        yield WARN, "Force was withheld: " + ", ".join(f"{name} {total:.2f} s" for name, (total, _) in found.items())
+    causes = {name: total for name, (total, _) in (found or {}).items()}
+    if short := summary.short_time(run.recording):
+        causes["tool_port"] = short
+    if causes:
+        yield WARN, "Force was withheld: " + ", ".join(f"{name} {total:.2f} s" for name, total in causes.items())
     elif found is not None:
         yield GOOD, "No force was withheld"
 
@@ -144,5 +148,13 @@ def _answers(run: Run) -> Findings:
         yield WARN, f"Only {found['answered']} of {found['sent']} handle samples were answered"
 
 
+def _mismatch(run: Run) -> Findings:
+    if not run.traced or summary.conditions(run.recording)["exchange"] == "wave":  # whose samples carry waves
+        return
+    found = summary.residual_figures(run.recording, run.rows)["unexplained_n"]
+    if found is not None and found > MISMATCH:
+        yield WARN, f"Forces on handle and tool differ by {amount(found, 'N')} (RMS), which no age of samples explains"
+
+
 _ENDING = (_faults, _job)
-_REST = (_energy, _withheld, _timing, _answers)
+_REST = (_energy, _withheld, _mismatch, _timing, _answers)
