@@ -29,7 +29,8 @@ GATE_BYTE = 2  # held by who comes or goes, so that nobody opens a file that ano
 # words of either block, each with its lock before it and apart from the other: no two writers share a cache line
 DEVICE_LOCK, DEVICE_FIRST, DEVICE_WORDS = 8, 9, 11  # session, latched, status, alive, counts 3, drag 3, delay
 SERVO_LOCK, SERVO_FIRST, SERVO_WORDS = 32, 33, 8  # session, written, next deadline, period, engaged, motor 3
-WATCHDOG = faults.WATCHDOG  # bit of status: the device has cut the motor; the others are there too
+WATCHDOG, CLOCK = faults.WATCHDOG, faults.CLOCK  # bits of status: the device has cut the motor; its clock is not good
+# enough; the others are there too
 SPIN, PAUSE = 10_000, 30_000  # [ns] that a sample is looked for without a pause; longest pause after that, else woken
 WAKE = 60_000  # [ns] that a sleeper may wake late: the last of a wait is spent awake, so that it ends in time
 
