@@ -52,7 +52,7 @@ void board_read_damper(float forces[3]);
 /* Temperature of the hottest part [0.1 °C], BOARD_NO_TEMPERATURE: not measured. Returns a sum of BOARD_… bits. */
 uint16_t board_read_inputs(int16_t *temperature);
 
-/* Returns at this time [ns], or earlier: at the latest when bytes come. */
+/* Returns at this time [ns], or earlier: at the latest when bytes come, or after 1 ms if the clock is set meanwhile. */
 void board_wait_until(int64_t time);
 
 #ifdef __cplusplus

@@ -8,6 +8,7 @@
 
 enum { UNASKED = 1000000 };                     /* [ns] between samples that nobody has asked for */
 enum { LONGEST_PERIOD = 10000000 };             /* [ns] of commands */
+static const float MOST_DRAG = 1000.0f;         /* [N, N m] that a damper can feel */
 static const uint16_t LATCHING = HAPTIC_ESTOP | HAPTIC_HOT | HAPTIC_BROKEN_ENCODER;
 
 static void cut(struct haptic *device, int64_t now) {
@@ -60,21 +61,21 @@ static void greet(struct haptic *device, uint32_t answers) {
     haptic_send(device, HAPTIC_GREETING, 0, answers, payload);
 }
 
-static void sample(struct haptic *device, uint32_t answers, bool asked, int64_t due) {
+static void sample(struct haptic *device, uint32_t answers, bool asked, int64_t due, int64_t applied) {
     int32_t counts[3] = {0, 0, 0};
     float damper[3] = {0.0f, 0.0f, 0.0f};
     int64_t sampled = board_latch(due, counts);
     board_read_damper(damper);
     uint8_t payload[52], *place = haptic_put_i64(payload, asked ? due : sampled);
     place = haptic_put_i64(place, sampled);
-    place = haptic_put_i64(place, device->applied);
+    place = haptic_put_i64(place, applied);
     for (int i = 0; i < 3; i++) {
         place = haptic_put_u32(place, (uint32_t)counts[i]);
     }
     place = haptic_put_u16(place, (uint16_t)device->temperature);
     place = haptic_put_u16(place, 0);
     for (int i = 0; i < 3; i++) {
-        place = haptic_put_f32(place, damper[i]);
+        place = haptic_put_f32(place, fabsf(damper[i]) <= MOST_DRAG ? damper[i] : 0.0f);
     }
     uint16_t status = (uint16_t)(device->latched | (device->inputs & HAPTIC_END_SWITCH));
     status |= device->cut ? HAPTIC_CUT : 0;
@@ -102,32 +103,56 @@ static int64_t watchdog_end(const struct haptic *device) {
     return device->command_time + device->description.watchdog;
 }
 
-/* A clock that was set back must not stretch the watchdog, nor silence the device. */
+/* A clock that was set back must not stretch the watchdog, nor silence the device. What passed since the last look is
+ * not known; looks are at most UNASKED apart. */
 static void follow_clock(struct haptic *device, int64_t now) {
-    if (device->command_time > now) {
-        device->command_time = now;
+    if (now < device->looked) {
+        device->command_time = now - (device->looked - device->command_time) - UNASKED;
     }
+    device->looked = now;
     if (!fed(device) && device->deadline > now + UNASKED) {
         device->deadline = now + UNASKED;
     }
 }
 
-/* The first time on the grid of `due` that is after it and after `past`: what had passed when a command came is not
- * made up for. */
+/* The first time on the grid of `due` that is after it and after `past`: what was missed is not made up for. */
 static int64_t after(int64_t due, int64_t period, int64_t past) {
     return due + period * (past > due ? (past - due) / period + 1 : 1);
 }
 
+/* The next deadline that was announced before the last command's, or the deadline of that. */
+static int64_t next_deadline(const struct haptic *device) {
+    int64_t next = device->deadline;
+    for (int i = 0; i < device->keeps; i++) {
+        next = device->kept[i].time < next ? device->kept[i].time : next;
+    }
+    return next;
+}
+
+/* Takes those that have come from the kept ones; returns how many, and the newest of them. */
+static int take_kept(struct haptic *device, int64_t now, struct haptic_deadline *newest) {
+    int come = 0, keeps = device->keeps;
+    device->keeps = 0;
+    for (int i = 0; i < keeps; i++) {
+        if (device->kept[i].time > now) {
+            device->kept[device->keeps++] = device->kept[i];
+        } else if (come++ == 0 || device->kept[i].time > newest->time) {
+            *newest = device->kept[i];
+        }
+    }
+    return come;
+}
+
 static void deadline_has_come(struct haptic *device, int64_t now) {
+    struct haptic_deadline kept = {0, 0, 0};
     int64_t due = device->deadline;
-    if (fed(device)) {
-        sample(device, device->answered ? 0 : device->command, true, due);
-        device->answered = true;
-        device->deadline = after(due, device->period, device->command_time);
+    if (take_kept(device, now, &kept) > 0 && due > now) {
+        sample(device, kept.command, true, kept.time, kept.applied);
         return;
     }
-    sample(device, 0, false, due);
-    device->deadline = due + UNASKED > now - UNASKED ? due + UNASKED : now; /* none is made up for */
+    sample(device, fed(device) && !device->answered ? device->command : 0, fed(device), due, device->applied);
+    device->answered = true;
+    device->deadline = after(due, fed(device) ? device->period : UNASKED, now);
 }
 
 static void watchdog_cuts(struct haptic *device) {
@@ -136,6 +161,7 @@ static void watchdog_cuts(struct haptic *device) {
     device->cut = true;
     device->cuts++;
     device->deadline = end;
+    device->keeps = 0;
 }
 
 void haptic_advance(struct haptic *device, int64_t now) {
@@ -145,9 +171,9 @@ void haptic_advance(struct haptic *device, int64_t now) {
     }
     follow_clock(device, now);
     for (;;) { /* in the order of their times, however late this is called */
-        if (fed(device) && watchdog_end(device) <= now && watchdog_end(device) <= device->deadline) {
+        if (fed(device) && watchdog_end(device) <= now && watchdog_end(device) <= next_deadline(device)) {
             watchdog_cuts(device);
-        } else if (device->deadline <= now) {
+        } else if (next_deadline(device) <= now) {
             deadline_has_come(device, now);
         } else {
             return;
@@ -157,8 +183,8 @@ void haptic_advance(struct haptic *device, int64_t now) {
 
 int64_t haptic_due(const struct haptic *device, int64_t now) {
     int64_t due = now + UNASKED;
-    if (device->session != 0 && device->deadline < due) {
-        due = device->deadline;
+    if (device->session != 0 && next_deadline(device) < due) {
+        due = next_deadline(device);
     }
     if (fed(device) && watchdog_end(device) < due) {
         due = watchdog_end(device);
@@ -180,6 +206,7 @@ static bool take_hello(struct haptic *device, const struct haptic_header *header
         device->sent_sequence = 0;
         device->commanded = device->engaged = false;
         device->applied = 0;
+        device->keeps = 0;
         device->deadline = now + UNASKED;
     }
     greet(device, header->sequence);
@@ -206,6 +233,15 @@ static bool clamp(const struct haptic *device, float motors[3]) {
     return clamped;
 }
 
+/* A deadline that is not reached yet waits on, unless the new command announces it again. */
+static void keep_deadline(struct haptic *device, int64_t announced, int64_t now) {
+    if (fed(device) && !device->answered && device->deadline > now && device->deadline != announced &&
+        device->keeps < HAPTIC_KEPT) {
+        struct haptic_deadline kept = {device->deadline, device->applied, device->command};
+        device->kept[device->keeps++] = kept;
+    }
+}
+
 static bool take_command(struct haptic *device, const struct haptic_header *header, const uint8_t *payload,
                          int64_t now) {
     int64_t deadline = haptic_get_i64(payload), period = haptic_get_u32(payload + 8);
@@ -216,6 +252,7 @@ static bool take_command(struct haptic *device, const struct haptic_header *head
     if (!sensible(device, motors, deadline, period, now)) {
         return false;
     }
+    keep_deadline(device, deadline, now);
     bool engaged = header->flags & 1, at_rest = motors[0] == 0.0f && motors[1] == 0.0f && motors[2] == 0.0f;
     if (!engaged && at_rest) {
         device->latched &= device->inputs;

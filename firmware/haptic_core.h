@@ -24,6 +24,15 @@ enum haptic_status {
     HAPTIC_CLAMPED = 128
 };
 
+enum { HAPTIC_KEPT = 4 }; /* deadlines that wait behind the last command's */
+
+/* A deadline that a command has announced. */
+struct haptic_deadline {
+    int64_t time;     /* [ns] */
+    int64_t applied;  /* when the command's motor values began to act [ns] */
+    uint32_t command; /* its sequence */
+};
+
 /* What the device is; the greeting says it. */
 struct haptic_description {
     char name[24];            /* ASCII, padded with zeros */
@@ -49,10 +58,14 @@ struct haptic {
     bool engaged;         /* the last one says that the display is engaged */
     uint32_t command;     /* its sequence */
     int64_t command_time; /* when it was taken [ns] */
+    int64_t looked;       /* when this was looked at last [ns] */
     int64_t applied;      /* when its motor values began to act [ns]; 0: none yet */
     bool answered;        /* the deadline that it announced has come */
     int64_t deadline;     /* the next [ns]; unasked samples too */
     int64_t period;       /* [ns] */
+
+    struct haptic_deadline kept[HAPTIC_KEPT]; /* of commands before the last one, and not reached yet */
+    int keeps;                                /* how many */
 
     bool cut, clamped;   /* bits of status that the core finds itself */
     uint16_t latched;    /* … and those that stay until they are cleared */

@@ -168,4 +168,5 @@ PROVOKED = {
         {"device_status": faults.END_SWITCH, "command": ENABLE},
     ),
     "device_encoder": Provoked(_status(faults.BROKEN_ENCODER), lasts={"device_status": faults.BROKEN_ENCODER}),
+    "device_clock": Provoked(_status(faults.CLOCK), lasts={"device_status": faults.CLOCK}),
 }

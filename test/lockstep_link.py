@@ -144,10 +144,13 @@ def two_joints():
 
 
 class Reference:
-    """The firmware's core and the reference device's plant, on a clock of its own; the handle stands there [m]."""
+    """The firmware's core and the reference device's plant; the handle stands there [m].
+
+    skew, ahead [ns]: of its clock, by which the plant goes too.
+    """
 
     def __init__(self, datagram=True, place=0.0, skew=0.0):
-        self.datagram, self.skew, self._port = datagram, skew, firmware_builds.ports()
+        self.datagram, self.skew, self.ahead, self._port = datagram, skew, 0, firmware_builds.ports()
         kind = open_udp if datagram else open_serial
         options, device = codec_host.described("reference_udp" if datagram else "reference_pty", kind)
         self.codec, self.description, self.stiffness, self.damping = kind.codec(options, device), device, 300.0, 5.0
@@ -161,7 +164,7 @@ class Reference:
         self.due = BEGAN
 
     def _own(self, now):
-        return ctypes.c_int64(round((now - BEGAN) * (1.0 + self.skew)))
+        return ctypes.c_int64(self.ahead + round((now - BEGAN) * (1.0 + self.skew)))
 
     def hold(self, goal):
         """The hand pulls the handle to this x [m]."""

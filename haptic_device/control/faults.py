@@ -7,12 +7,13 @@ from haptic_device.control import enable_state
 from haptic_device.jit import kernel
 
 NONE, ESTOP, DEVICE_SILENT, NOT_A_NUMBER, ENCODER_JUMP, POSITION, VELOCITY, SATURATION, DEVICE_WATCHDOG = range(9)
-DUTY, UNATTENDED, DEVICE_ESTOP, DEVICE_HOT, DEVICE_LIMIT, DEVICE_ENCODER = range(9, 15)
+DUTY, UNATTENDED, DEVICE_ESTOP, DEVICE_HOT, DEVICE_LIMIT, DEVICE_ENCODER, DEVICE_CLOCK = range(9, 16)
 # bits of device_status: the sample is of this deadline; the device's watchdog has cut the motor; its e-stop button is
-# pressed; it is too hot; an end switch is reached; an encoder is broken by its own check; the motor value was clamped
-FRESH, WATCHDOG, BUTTON, HOT, END_SWITCH, BROKEN_ENCODER, CLAMPED = 1, 2, 4, 8, 16, 32, 128
+# pressed; it is too hot; an end switch is reached; an encoder is broken by its own check; its clock is not good enough,
+# as the bridge finds; the motor value was clamped
+FRESH, WATCHDOG, BUTTON, HOT, END_SWITCH, BROKEN_ENCODER, CLOCK, CLAMPED = 1, 2, 4, 8, 16, 32, 64, 128
 CUT = WATCHDOG | BUTTON | HOT | BROKEN_ENCODER  # with any of these the device's motors are at zero
-DEVICE_BITS = CUT | END_SWITCH | CLAMPED  # those that a device sets
+DEVICE_BITS = CUT | END_SWITCH | CLOCK | CLAMPED  # those that a device sets
 THIS_TICK = "zero in the tick that finds it"
 BUSY = "end other programs that keep the machine busy"
 DEVICE = "check the device and the line from it: its power, its cable, its program"
@@ -161,6 +162,15 @@ TABLE = (
         BY_DEVICE,
         "check the encoder and its cable",
     ),
+    Fault(
+        DEVICE_CLOCK,
+        "device_clock",
+        "Clock of the device",
+        "the device's clock drifted, was set, or could not be told exactly enough to know when a sample was latched",
+        "",
+        THIS_TICK,
+        "read what haptic_bridge says of the clock; link_protocol.md says how exact it must be",
+    ),
 )
 SIMULATED, LINE, SERVO = "simulated", "line", "servo"
 AT = {
@@ -200,6 +210,8 @@ def watch(settings, fault, enable, motion, sensors):
         latch(fault, ESTOP)
     if status & BUTTON:
         latch(fault, DEVICE_ESTOP)
+    if status & CLOCK:  # before silence, which a clock that was set makes too
+        latch(fault, DEVICE_CLOCK)
     # by its time, or by counts that stay the same
     if max((sensors.deadline - sensors.latched) * 1e-9, motion.stale_ticks * settings.period) > limits.silence:
         latch(fault, DEVICE_SILENT)

@@ -192,10 +192,14 @@ def _hear(decode, state, words, control, truth_mail, session, came, now, m, room
         return False
     waited_for, used, have = False, np.int64(0), m.have + came
     while used < have:
-        room.answer[codec.KIND] = codec.NOTHING
+        room.answer[codec.KIND], room.answer[codec.STATUS] = codec.NOTHING, 0
         done = decode(state, room.incoming[used:have], have - used, now, room.answer)
         if room.answer[codec.KIND] == codec.SAMPLE:
             waited_for |= _pass_on(state, words, control, session, now, m, room)
+        elif room.answer[codec.KIND] == codec.NOTHING and room.answer[codec.STATUS] & codec.CLOCK and m.latest > 0:
+            room.block[2] |= codec.CLOCK  # else the servo would only see that the device is silent
+            room.block[3] = now
+            atomic.publish(words, shared_memory.DEVICE_LOCK, shared_memory.DEVICE_FIRST, room.block)
         elif room.answer[codec.KIND] == codec.TRUTH:
             first = codec.TRUTH_FIRST
             atomic.publish(truth_mail, 0, seqlock.FIRST, room.answer[first : first + codec.TRUTH_WORDS])
@@ -221,6 +225,7 @@ def _pass_on(state, words, control, session, now, m, room):
     m.latest, words[shared_memory.DEVICE_WATCHDOG] = latched, state[codec.WATCHDOG]
     control[PASSED] += 1
     status = room.answer[codec.STATUS] | (0 if m.driven else shared_memory.WATCHDOG)
+    status |= codec.CLOCK if state[codec.CLOCK_TROUBLE] else 0
     counts, drag = room.answer[codec.COUNTS : codec.COUNTS + 3], room.answer[codec.DRAG : codec.DRAG + 3]
     shared_memory.write_device(
         words,

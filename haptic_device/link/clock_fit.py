@@ -2,17 +2,26 @@
 """Offset and skew of a device's clock against the host's, from questions and answers.
 
 An answer is four times [ns]: t1 the host asked, t2 the device heard, t3 the device answered, t4 the host heard. The
-device's clock less the host's is then at least t3 − t4 and at most t2 − t1; the middle is taken as measured. A straight
-line is fitted to these by least squares, in which an answer counts less the older it is (by a factor e each FORGET)
-and the longer it was on its way. Answers with more than LATE times the least round trip are left out; that least grows
-by a share AGEING with each answer, so that a line that has become slower is taken as it is in the end.
+device's clock less the host's was then at most t2 − t1 at t1, and is at least t3 − t4 at t4, however the delays were
+shared: these are the answer's bounds. The middle is taken as measured. A straight line is fitted to these by least
+squares, in which an answer counts less the older it is (by a factor e each FORGET) and the longer it was on its way.
+Answers with more than LATE times the least round trip are left out; that least grows by a share AGEING with each
+answer, so that a line that has become slower is taken as it is in the end. If the fit lies outside the bounds of one
+that is left out, the nearer bound counts as measured. In the end the fit moves to the bounds of the answer.
 
-A fit that lies outside these bounds cannot be true, however the delays were shared: after ENOUGH such answers without
-one that fits, the clock has been stepped, and the line through these takes the place of the old one.
+By how much the device's clock gains lies between bounds too, those of an answer and of a reference one to two times
+RENEW before it; the slope of the fit is kept within them. So a clock that is much too fast is followed from the first
+answers on, and jitter does not make one of a clock that is right.
 
-The error is the largest residual lately, which fades by a hundredth with each answer (of the ones that count, about
-1 % are larger), and half of the least round trip: what no answer can tell is how that is shared between the two ways.
-While answers contradict the fit, it is not less than the last of their residuals.
+A fit that lies outside an answer's bounds by more than a margin cannot be true: after ENOUGH such answers without one
+that fits, the line through these takes the place of the old one. That is a step of the clock only if it lies outside by
+more than the last answer that was taken left unknown; else the fit was not good yet.
+
+The error is what the last answer leaves, also one that is left out: how far its bounds are from the fit, and the
+bounds of the slope times the time since. So it is never less than the truth when an answer has come, whatever the
+delays; a step shows with the first answer after it.
+
+`trouble` judges the clock: TOLERATED, STEP_FELT and JITTER_FELT are what a servo at 1 kHz bears.
 
 A fit is an int64 array (WORDS), all zeros at first. Times are kept relative to those of the first answer, wherever
 either clock stands: float64 holds a year of them to 4 ns.
@@ -26,21 +35,32 @@ from haptic_device.jit import kernel, njit
 
 ENOUGH = 5  # answers that make a fit
 FORGET = 1.5e9  # [ns]
-LATE = 2
+LATE = 4
 AGEING = 0.02
 LEAST_ROUND = 1000  # [ns] below which round trips are not told apart
-MOST_SKEW = 250e-6
+SLOWEST, FASTEST = -0.9999, 1e6  # skews between which a clock is followed, so that its skew can be told
+RENEW = 1_000_000_000  # [ns] between references
 STEADY = (
     1e15  # [ns²] of squared times that say "no skew": answers that jitter by 10 µs tell skews of 200 ppm after 50 ms
 )
 MARGIN = 10_000.0  # [ns] by which a fit may lie outside of an answer's bounds, beside the residuals
 FARTHEST = 1 << 61  # [ns] of a time that a device may tell
+ROUNDING = 4.0  # [ns]
+AVERAGED = 16  # answers of which the error is averaged for what is judged, of each no more than 2 JITTER_FELT: a stall
+# makes some that are very late
 
-LINE = 9  # words of a line, of which there are two: the fit, and what contradicts it
-HOST, OFFSET, COUNT, LAST, WEIGHT, TIME, MIDDLE, SQUARES, PRODUCTS = range(LINE)  # the last five are float64 bits
-SLOPE, RESIDUAL, LEAST, DOUBT = range(2 * LINE, 2 * LINE + 4)  # float64 bits
-STEPS = 2 * LINE + 4
-WORDS = 2 * LINE + 5
+TOLERATED = 1e-3  # skew of a clock that is good enough
+STEP_FELT = 100_000.0  # [ns] by which a fit lies outside of an answer's bounds where the clock has been set
+JITTER_FELT = 500_000.0  # [ns] of the average error: answers that jitter by more tell the clock too badly
+FINE, DRIFT, STEP, JITTER = range(4)  # troubles
+
+LINE = 17  # words of a line, of which there are two: the fit, and what contradicts it
+HOST, OFFSET, COUNT, LAST, WEIGHT, TIME, MIDDLE, SQUARES, PRODUCTS = range(9)  # the last five are float64 bits
+OLD, YOUNG = 9, 13  # references: an answer's four times each
+SLOPE, RESIDUAL, LEAST, DOUBT, LOW, HIGH, WIDTH, MEAN, SURE = range(2 * LINE, 2 * LINE + 9)  # float64 bits
+SINCE, SURE_AT = 2 * LINE + 9, 2 * LINE + 10  # t1 of the last answer, and of the last that was taken
+STEPS, STEPPED = 2 * LINE + 11, 2 * LINE + 12  # STEPPED: the last step [ns]
+WORDS = 2 * LINE + 13
 
 REFUSED, LEFT_OUT, TAKEN = -1, 0, 1
 
@@ -65,10 +85,30 @@ def skew(fit):
 
 
 @kernel
-def error(fit):
-    """Half-width of what is not known of the device's clock [ns], as defined above."""
+def error(fit, at):
+    """Half-width of what is not known of the device's clock at this time of the host [ns], as defined above."""
+    return np.int64(math.ceil(_grown(fit, fit.view(np.float64)[WIDTH], fit[SINCE], at)))
+
+
+@njit
+def _grown(fit, width, since, at):
+    """What an answer at `since` left unknown, with what the slope's bounds have added up to then."""
     reals = fit.view(np.float64)
-    return np.int64(math.ceil(max(reals[RESIDUAL] + reals[LEAST] / 2.0, reals[DOUBT])))
+    rate = max(abs(reals[HIGH] - reals[SLOPE]), abs(reals[SLOPE] - reals[LOW]))
+    return width + rate * np.float64(max(0, at - since)) + ROUNDING
+
+
+@kernel
+def trouble(fit):
+    """What makes the clock not good enough: DRIFT, STEP (not followed yet), JITTER of answers, or FINE."""
+    reals = fit.view(np.float64)
+    if not known(fit):
+        return FINE
+    if reals[LOW] > TOLERATED or reals[HIGH] < -TOLERATED:
+        return DRIFT
+    if abs(reals[DOUBT]) > STEP_FELT:
+        return STEP
+    return JITTER if reals[MEAN] > JITTER_FELT else FINE
 
 
 @kernel
@@ -94,21 +134,40 @@ def answer(fit, t1, t2, t3, t4):
     if not -FARTHEST < t2 <= t3 < FARTHEST or t4 - t1 < t3 - t2:
         return REFUSED
     reals = fit.view(np.float64)
-    round_trip, host = np.float64(max(LEAST_ROUND, t4 - t1 - (t3 - t2))), t1 + (t4 - t1) // 2
+    round_trip = np.float64(max(LEAST_ROUND, t4 - t1 - (t3 - t2)))
     reals[LEAST] = round_trip if reals[LEAST] == 0.0 else min(round_trip, reals[LEAST] * (1.0 + AGEING))
-    late, residual = round_trip > LATE * reals[LEAST], 0.0
+    late, residual, outside = round_trip > LATE * reals[LEAST], 0.0, 0.0
     if fit[COUNT] > 0:
         most, least = np.float64(t2 - to_device(fit, t1)), np.float64(t3 - to_device(fit, t4))
-        residual, margin = (most + least) / 2.0, MARGIN + reals[RESIDUAL]
-        if fit[COUNT] >= ENOUGH and (most < -margin or least > margin):
-            return _contradict(fit, host, t2 - t1, t3 - t4, residual, 0.0 if late else _weight(reals, round_trip))
-    if late:
-        return LEFT_OUT
-    _add(fit[:LINE], host, t2 - t1, t3 - t4, _weight(reals, round_trip))
-    _forget_doubt(fit)
-    reals[SLOPE] = _slope(reals)
-    reals[RESIDUAL] = max(abs(residual), 0.99 * reals[RESIDUAL])
-    return TAKEN
+        residual, outside = (most + least) / 2.0, max(least, 0.0) + min(most, 0.0)
+    contradicts = known(fit) and abs(outside) > MARGIN + reals[RESIDUAL]
+    if contradicts:
+        _contradict(fit, t1, t2, t3, t4, outside, 0.0 if late else _weight(reals, round_trip))
+    elif late and outside != 0.0:
+        _add(fit[:LINE], t1, t2, t3, t4, 1.0, outside - residual)
+        _turn(fit, t1, t2, t3, t4)
+    elif not late:
+        _add(fit[:LINE], t1, t2, t3, t4, _weight(reals, round_trip), 0.0)
+        _forget_doubt(fit)
+        _turn(fit, t1, t2, t3, t4)
+        reals[RESIDUAL] = max(abs(residual), 0.99 * reals[RESIDUAL])
+    taken = LEFT_OUT if late or contradicts else TAKEN
+    _leave(fit, t1, t2, t3, t4, taken, contradicts)
+    return taken
+
+
+@njit
+def _leave(fit, t1, t2, t3, t4, taken, contradicts):
+    """Moves the fit to the bounds of an answer that does not contradict it; notes what the answer leaves unknown."""
+    reals, most, least = fit.view(np.float64), t2 - to_device(fit, t1), t3 - to_device(fit, t4)
+    moved = 0 if contradicts else max(least, 0) + min(most, 0)
+    reals[MIDDLE] += np.float64(moved)
+    width = np.float64(max(most - moved, moved - least, 0))
+    reals[WIDTH], fit[SINCE] = width, t1
+    if taken == TAKEN:
+        reals[SURE], fit[SURE_AT] = width, t1
+    if not contradicts:
+        reals[MEAN] += (min(width, 2.0 * JITTER_FELT) - reals[MEAN]) / min(AVERAGED, fit[COUNT])
 
 
 @njit
@@ -119,23 +178,31 @@ def _weight(reals, round_trip):
 
 
 @njit
-def _slope(reals):
-    return min(MOST_SKEW, max(-MOST_SKEW, reals[PRODUCTS] / (reals[SQUARES] + STEADY)))
+def _turn(fit, t1, t2, t3, t4):
+    """The slope of the fit's line, within the bounds that this answer and the reference leave."""
+    reals, old = fit.view(np.float64), fit[OLD:YOUNG]
+    low, high = SLOWEST, FASTEST
+    if t1 > old[3]:
+        low = max(low, np.float64(t3 - old[1] - (t4 - old[0])) / np.float64(t4 - old[0]))
+        high = max(low, min(high, np.float64(t2 - old[2] - (t1 - old[3])) / np.float64(t1 - old[3])))
+    reals[LOW], reals[HIGH] = low, high
+    reals[SLOPE] = min(high, max(low, reals[PRODUCTS] / (reals[SQUARES] + STEADY)))
 
 
 @njit
-def _contradict(fit, host, most, least, residual, weight):
+def _contradict(fit, t1, t2, t3, t4, outside, weight):
     """Counts an answer that the fit cannot be true with; the line through ENOUGH of them becomes the fit."""
     reals = fit.view(np.float64)
-    reals[DOUBT] = abs(residual)
+    if abs(outside) > _grown(fit, reals[SURE], fit[SURE_AT], t4):
+        reals[DOUBT] = outside
     if weight > 0.0:
-        _add(fit[LINE : 2 * LINE], host, most, least, weight)
+        _add(fit[LINE : 2 * LINE], t1, t2, t3, t4, weight, 0.0)
     if fit[LINE + COUNT] >= ENOUGH:
-        fit[:LINE] = fit[LINE : 2 * LINE]
+        fit[:LINE], doubt = fit[LINE : 2 * LINE], reals[DOUBT]
         _forget_doubt(fit)
-        reals[SLOPE] = _slope(reals)
-        fit[STEPS] += 1
-    return LEFT_OUT
+        _turn(fit, t1, t2, t3, t4)
+        if doubt != 0.0 and trouble(fit) != DRIFT:
+            fit[STEPS], fit[STEPPED] = fit[STEPS] + 1, np.int64(doubt)
 
 
 @njit
@@ -145,13 +212,21 @@ def _forget_doubt(fit):
 
 
 @njit
-def _add(line, host, most, least, weight):
-    """Adds an answer to a line's weighted means and sums of squares; those before fade by the time between."""
-    reals = line.view(np.float64)
+def _add(line, t1, t2, t3, t4, weight, shift):
+    """Adds an answer to a line's weighted means and sums of squares; those before fade by the time between.
+
+    shift: what is taken as measured, less the middle of the answer's bounds [ns].
+    """
+    reals, host, most, least = line.view(np.float64), t1 + (t4 - t1) // 2, t2 - t1, t3 - t4
     if line[COUNT] == 0:
         line[HOST], line[OFFSET], line[LAST] = host, least + (most - least) // 2, host
+    if line[COUNT] == 0 or t1 - line[YOUNG] > RENEW:
+        line[OLD:YOUNG] = line[YOUNG : YOUNG + 4]
+        line[YOUNG], line[YOUNG + 1], line[YOUNG + 2], line[YOUNG + 3] = t1, t2, t3, t4
+        if line[COUNT] == 0:
+            line[OLD:YOUNG] = line[YOUNG : YOUNG + 4]
     time = np.float64(host - line[HOST])
-    measured = (np.float64(most - line[OFFSET]) + np.float64(least - line[OFFSET])) / 2.0
+    measured = (np.float64(most - line[OFFSET]) + np.float64(least - line[OFFSET])) / 2.0 + shift
     kept = math.exp(-np.float64(max(0, host - line[LAST])) / FORGET)
     line[COUNT], line[LAST] = line[COUNT] + 1, host
     reals[WEIGHT] = kept * reals[WEIGHT] + weight

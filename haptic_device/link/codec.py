@@ -19,7 +19,8 @@ servo is silent or ends; sent several times at an end, so that it is the last wo
 without. TARGET: where a simulated device's hand goes.
 
 All times of an answer are the host's. Counts are unwrapped. SAMPLE: LATCHED is never before the deadline that the
-sample is of, and never older than the sample before.
+sample is of, and newer than that of the sample before. STATUS of NOTHING: CLOCK where what has come proves that the
+device's clock is not what the codec takes it for; else 0.
 """
 
 from typing import NamedTuple
@@ -28,6 +29,7 @@ import numpy as np
 from numba import types
 
 from haptic_device.jit import kernel, njit
+from haptic_device.realtime import shared_memory
 
 OPENED, COMMAND, DUE, CUT, IDLE, TARGET = range(6)  # events
 NOTHING, SAMPLE, TRUTH = range(3)  # kinds of answers
@@ -37,11 +39,12 @@ KIND, LATCHED, STATUS, COUNTS, DRAG, DEADLINE = 0, 1, 2, 3, 6, 9  # DEADLINE: ho
 STAMP_ERROR = 10  # [ns] half-width of what is not known of LATCHED
 TRUTH_FIRST, TRUTH_WORDS = 11, 22  # fields of device/simulated_device.TRUTH in their order
 ANSWER = 33
+CLOCK = shared_memory.CLOCK  # bit of a status
 
 # words of the state that any codec keeps, for the loop and the node; its own begin at OWN
 READY = 0  # 1: a device answers and commands can be sent
 DELAY = 1  # [ns] from the servo's write to the motor's effect, 99 % or the worst lately
-CLOCK_ERROR = 2  # [ns] half-width of what is not known of the device's clock, counted in DELAY
+CLOCK_ERROR = 2  # [ns] half-width of what is not known of the device's clock; its average is counted in DELAY
 SKEW = 3  # [parts per 10⁹] of the device's clock against the host's
 ROUND_TRIP = 4  # [ns] median of the last exchanges
 REFUSED = 5  # frames dropped: wrong CRC, length, version, session, sequence, content
@@ -53,6 +56,9 @@ CLOCK_STEPS = 13  # steps of the device's clock that were found
 SIMULATED = 14  # 1: it takes targets and tells truths
 DELAY_MEAN = 15  # [ns] from the servo's write to the motor's effect, on average
 TOLD = 16  # counts per unit and largest motor values of x, y, theta, as the device tells them, float64 bits; 0: unknown
+CLOCK_TROUBLE = 22  # clock_fit's FINE, DRIFT, STEP or JITTER: why samples are not good enough
+CLOCK_STEPPED, CLOCK_STEPPED_AT = 23, 24  # size of the last step that was found, and when [ns]
+CLOCK_AVERAGE = 25  # [ns] CLOCK_ERROR on average
 OWN = 32
 NO_TEMPERATURE = -32768
 ROOM = 1024  # bytes of outgoing

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the host hears on an open link (docs/reference/link_protocol.md): frames taken or refused, and what they tell.
 
-The link is ready when answers make a fit of the device's clock. A sample counts for a deadline only by what it echoes.
-One that nobody asked for is placed by the fitted clock: not after now, and before the newest deadline that is
-announced, until that is answered or two periods past. One that would then not be newer than the sample before is
-dropped.
+The link is ready when answers make a fit of the device's clock. A sample counts for a deadline only by what it echoes,
+and one that would be later than it came is refused. One that nobody asked for is placed by the fitted clock. It is
+dropped if it would be after now, or not before the newest deadline that is announced, until that is answered or two
+periods past. So is every one that is not newer than the sample before.
+
+A sample that was latched before the one before it, or after now by more than the clock's error, proves that the clock
+has been set. That is told at once: the answers to questions would tell it when the servo has given up.
 
 The delay is the worst time from a write to its effect, which fades towards the present by a thousandth with each
-command, and the clock's error.
+command, and the clock's average error.
 """
 
 import numpy as np
@@ -17,7 +20,7 @@ from haptic_device.link import clock_fit, codec, counter, frame
 from haptic_device.link import open_state as s
 
 OLDEST = 1_000_000_000  # [ns] that an answer's times may be away
-AHEAD = 10_000_000  # [ns] beyond now in which no sample can be
+MOST_DRAG = 1000.0  # [N, N m] that a damper can feel
 FADING = 1000  # commands
 STATUS_BITS = 2 | 4 | 8 | 16 | 32 | 128
 MOTION_DONE, DRIVEN = 1, 2  # flags of a truth
@@ -26,7 +29,7 @@ MOTION_DONE, DRIVEN = 1, 2  # flags of a truth
 @njit
 def hear(state, data, count, now, answer):
     """Takes a frame in, if it is one that may come now; answer says what it was."""
-    answer[codec.KIND] = codec.NOTHING
+    answer[codec.KIND], answer[codec.STATUS] = codec.NOTHING, 0
     kind = frame.kind_of(data, count)
     if kind == frame.WRONG or not _expected(state, data):
         state[codec.REFUSED] += 1
@@ -94,10 +97,15 @@ def _clock_answer(state, data, now):
     if at == s.NOBODY or state[at + s.HOST_DEADLINE] != 0 or state[at + s.WRITTEN] != asked:
         return False
     fit = s.fit_of(state)
-    if clock_fit.answer(fit, asked, came, went, now) == clock_fit.REFUSED:
+    taken = clock_fit.answer(fit, asked, came, went, now)
+    if taken == clock_fit.REFUSED:
         return False
-    state[at + s.KEY] = s.NOBODY
-    state[codec.CLOCK_STEPS], state[codec.CLOCK_ERROR] = fit[clock_fit.STEPS], clock_fit.error(fit)
+    state[at + s.KEY], state[s.UNSURE] = s.NOBODY, taken == clock_fit.LEFT_OUT
+    if fit[clock_fit.STEPS] != state[codec.CLOCK_STEPS]:
+        state[codec.CLOCK_STEPPED], state[codec.CLOCK_STEPPED_AT] = fit[clock_fit.STEPPED], now
+    state[codec.CLOCK_STEPS], state[codec.CLOCK_ERROR] = fit[clock_fit.STEPS], clock_fit.error(fit, now)
+    state[codec.CLOCK_TROUBLE], average = clock_fit.trouble(fit), fit.view(np.float64)[clock_fit.MEAN]
+    state[codec.CLOCK_AVERAGE] = np.int64(average)
     state[codec.SKEW] = np.int64(round(clock_fit.skew(fit) * 1e9))
     _round_trip(state, now - asked - (went - came))
     return True
@@ -128,32 +136,42 @@ def _sample(state, data, now, answer):
     answers, late = frame.get_u32(data, frame.ANSWERS), sampled - deadline
     if not 0 <= late <= OLDEST or not _plain(state, data):
         return False
-    fit = s.fit_of(state)
+    if _clock_was_set(state, sampled, now):
+        answer[codec.STATUS] = codec.CLOCK
     if answers != 0:
         at = s.asked(state, answers)
         if at == s.NOBODY or state[at + s.HOST_DEADLINE] == 0 or state[at + s.DEVICE_DEADLINE] != deadline:
             return False
         own, latched = state[at + s.HOST_DEADLINE], state[at + s.HOST_DEADLINE] + late
-        if latched > now + AHEAD:
+        if latched > now:
             return False
-        latched = max(latched, state[s.LATCHED] + 1)
         _answered(state, at, frame.get_i64(data, frame.HEADER + 16))
     else:
-        if not clock_fit.known(fit):
+        if state[codec.READY] == 0:
             return True
-        own, latched = 0, clock_fit.to_host(fit, sampled)
-        if not now - OLDEST <= latched <= now + AHEAD:
+        own, latched = 0, clock_fit.to_host(s.fit_of(state), sampled)
+        if not now - OLDEST <= latched <= now + state[codec.CLOCK_ERROR]:
             return False
-        latched = min(latched, now)
-        if state[s.AWAITED] != 0 and now < state[s.AWAITED_UNTIL]:
-            latched = min(latched, state[s.AWAITED] - 1)
-        if latched <= state[s.LATCHED]:
+        awaited = state[s.AWAITED] != 0 and now < state[s.AWAITED_UNTIL]
+        if latched > now or (awaited and latched >= state[s.AWAITED]):
             return True
+    state[s.SAMPLED] = sampled
+    if latched <= state[s.LATCHED]:
+        return True
     state[s.LATCHED] = latched
     _tell(state, data, answer)
     answer[codec.LATCHED], answer[codec.DEADLINE] = latched, own
     answer[codec.STAMP_ERROR] = state[codec.CLOCK_ERROR]
     return True
+
+
+@njit
+def _clock_was_set(state, sampled, now):
+    """Whether a sample of this time of the device cannot come now, by the clock as it is known."""
+    if state[codec.READY] == 0:
+        return False
+    fit = s.fit_of(state)
+    return sampled < state[s.SAMPLED] or clock_fit.to_host(fit, sampled) > now + clock_fit.error(fit, now)
 
 
 @njit
@@ -163,7 +181,7 @@ def _plain(state, data):
         count = frame.get_i32(data, frame.HEADER + 24 + 4 * i)
         if state[s.BITS] == 16 and not -(1 << 15) <= count < 1 << 15:
             return False
-        if not np.isfinite(frame.get_f32(data, frame.HEADER + 40 + 4 * i)):
+        if not abs(frame.get_f32(data, frame.HEADER + 40 + 4 * i)) <= MOST_DRAG:
             return False
     return True
 
@@ -181,7 +199,7 @@ def _answered(state, at, applied):
     delay = clock_fit.to_host(s.fit_of(state), applied) - written
     if applied != 0 and -OLDEST < delay < OLDEST:
         state[s.WORST] = max(delay, state[s.WORST] - (state[s.WORST] - delay) // FADING, 0)
-        state[codec.DELAY] = state[s.WORST] + state[codec.CLOCK_ERROR]
+        state[codec.DELAY] = state[s.WORST] + state[codec.CLOCK_AVERAGE]
         state[codec.DELAY_MEAN] = codec.averaged(state[codec.DELAY_MEAN], delay)
 
 
@@ -189,7 +207,8 @@ def _answered(state, at, applied):
 def _tell(state, data, answer):
     """A sample's content, into the answer."""
     drag = answer.view(np.float64)
-    answer[codec.KIND], answer[codec.STATUS] = codec.SAMPLE, frame.get_u16(data, frame.FLAGS) & STATUS_BITS
+    answer[codec.KIND] = codec.SAMPLE
+    answer[codec.STATUS] |= frame.get_u16(data, frame.FLAGS) & STATUS_BITS
     for i in range(3):
         if i < state[codec.AXES]:
             count = frame.get_i32(data, frame.HEADER + 24 + 4 * i)

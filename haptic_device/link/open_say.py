@@ -2,7 +2,7 @@
 """What the host says on an open link (docs/reference/link_protocol.md): the frame that an event of the codec asks for.
 
 A new line, and one on which nothing came for SILENCE, begins a session: a random number, a hello each HELLO_AGAIN
-until the device greets, then questions for its clock (clock_fit.py).
+until the device greets, then questions for its clock (clock_fit.py); where an answer was left out, the next soon.
 """
 
 import numpy as np
@@ -31,11 +31,11 @@ def say(state, event, now, command, data):
         return _target(state, command, data)
     if event == codec.COMMAND:
         _prepare(state, command, data)
-        return _command(state, now, command[1], command[2], command[3], command[4], data)
+        return _command(state, command[1], command[2], command[3], command[4], data)
     if event == codec.CUT:
         _no_motor(data)
         period = min(s.LONGEST_PERIOD, max(state[codec.PERIOD_LEAST], state[s.HELD_FOR]))
-        return _command(state, now, now, now + period, period, 0, data)
+        return _command(state, now, now + period, period, 0, data)
     return 0
 
 
@@ -60,10 +60,11 @@ def _begin(state, now, data):
     word ^= word >> 17
     word ^= word << 5 & frame.U32
     state[s.RANDOM] = state[s.SESSION] = word
-    for word in (s.SENT, s.TAKEN, s.GREETED, s.ASKED, s.AWAITED, s.WORST, s.NUMBER, s.ANSWERED, s.DUE_AT):
+    for word in (s.SENT, s.TAKEN, s.GREETED, s.ASKED, s.AWAITED, s.WORST, s.NUMBER, s.ANSWERED, s.UNSURE):
         state[word] = 0
-    for word in (codec.READY, codec.DELAY, codec.DELAY_MEAN, codec.CLOCK_ERROR, codec.SKEW):
+    for word in (codec.READY, codec.DELAY, codec.DELAY_MEAN, codec.CLOCK_ERROR, codec.CLOCK_TROUBLE, codec.SKEW):
         state[word] = 0
+    state[s.SAMPLED] = s.NEVER
     for i in range(s.REMEMBERED):
         state[s.SENT_FRAMES + i * s.EACH + s.KEY] = s.NOBODY
     clock_fit.restart(s.fit_of(state))
@@ -89,7 +90,9 @@ def _look(state, now, data):
             return 0
         state[s.SAID] = now
         return _send(state, frame.HELLO, 0, data)
-    if since < (s.ASK_FIRST if state[s.ASKED] < ASKS_FIRST else ASK_LATER):
+    if state[codec.READY] != 0:
+        state[codec.CLOCK_ERROR] = clock_fit.error(s.fit_of(state), now)
+    if since < (s.ASK_FIRST if state[s.ASKED] < ASKS_FIRST or state[s.UNSURE] != 0 else ASK_LATER):
         return 0
     state[s.SAID], state[s.ASKED] = now, state[s.ASKED] + 1
     s.remember(state, 0, 0, now, 0)
@@ -129,17 +132,13 @@ def _prepare(state, command, data):
 
 
 @njit
-def _command(state, now, written, deadline, period, engaged, data):
+def _command(state, written, deadline, period, engaged, data):
     """A command of the motor values in data, if the device is ready for it."""
     if state[codec.READY] == 0:
         return 0
-    if state[s.DUE_AT] != 0 and state[s.DUE_AT] <= now:
-        state[s.NUMBER] += 1  # else this one takes the place of the one before, which then has no sample
-    elif state[s.NUMBER] == 0:
-        state[s.NUMBER] = 1
+    state[s.NUMBER] += 1
     announced = clock_fit.to_device(s.fit_of(state), deadline)
-    state[s.DUE_AT] = state[s.AWAITED] = deadline
-    state[s.AWAITED_UNTIL] = deadline + PERIODS_AWAITED * period
+    state[s.AWAITED], state[s.AWAITED_UNTIL] = deadline, deadline + PERIODS_AWAITED * period
     s.remember(state, deadline, announced, written, state[s.NUMBER])
     frame.put_i64(data, frame.HEADER, announced)
     frame.put_u32(data, frame.HEADER + 8, period)

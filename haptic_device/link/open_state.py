@@ -17,9 +17,11 @@ LONGEST_PERIOD = 10_000_000  # [ns] that a servo or a device may have
 
 # words of the state
 RANDOM, SESSION, SENT, TAKEN, GREETED, HEARD, SAID, ASKED, BITS = range(codec.OWN, codec.OWN + 9)
+UNSURE = codec.OWN + 17  # 1: the last answer was left out
 LATCHED, AWAITED, AWAITED_UNTIL, HELD_FOR, WORST = range(codec.OWN + 9, codec.OWN + 14)
-NUMBER, ANSWERED, DUE_AT = range(codec.OWN + 14, codec.OWN + 17)  # commands that came due; the last answered; its time
-COUNTS = codec.OWN + 17
+NUMBER, ANSWERED = codec.OWN + 14, codec.OWN + 15  # commands of the session; the last answered
+SAMPLED = codec.OWN + 16  # device's time of the last sample
+COUNTS = codec.OWN + 18
 FIT = COUNTS + 3
 ROUNDS = FIT + clock_fit.WORDS
 SENT_FRAMES = ROUNDS + ROUND_TRIPS  # those that may be answered, by sequence; five words each
@@ -27,6 +29,7 @@ REMEMBERED, EACH = 64, 5
 WORDS = SENT_FRAMES + REMEMBERED * EACH
 KEY, HOST_DEADLINE, DEVICE_DEADLINE, WRITTEN, OWN_NUMBER = range(EACH)
 NOBODY = -1  # no sequence
+NEVER = -(1 << 62)  # [ns] before all that a device may tell
 
 
 def new_state() -> np.ndarray:

@@ -10,12 +10,13 @@ import contextlib
 import os
 import secrets
 import threading
+import time
 
 import numpy as np
 
 from haptic_device.description import load_device
 from haptic_device.jit import ensure_compiled
-from haptic_device.link import bridge_loop, codec, line
+from haptic_device.link import bridge_loop, clock_fit, codec, line
 from haptic_device.link_registry import SERVED, UdpOptions
 from haptic_device.message_fields import AXES
 from haptic_device.nodes import diagnostics, messages
@@ -30,6 +31,7 @@ PRIORITY = 85  # above the servo, which waits for what it passes on
 SAME = 1e-3  # relative, within which two numbers are the same
 REOPEN = 0.2  # [s] between tries to open a line that is not there
 TARGET = np.dtype([("place", "f8", (3,))])
+STEP_TOLD = 30_000_000_000  # [ns] for which it is said that the device's clock was set
 HOLDS = "this device holds its last motor value where haptic_bridge is killed or stopped: keep a switch at hand"
 OPEN = {False: line.open_serial, True: line.open_udp}
 
@@ -197,7 +199,9 @@ class BridgeNode(ManagedNode):
         if self._control[bridge_loop.FD] < 0:
             return "error", self._why or f"the line {address(self.options)} is lost"
         if not self._codec.state[codec.READY]:
-            return "warn", f"no device answers on {address(self.options)}"
+            return "warn", unready(self._codec.state, address(self.options))
+        if trouble := clock_trouble(self._codec.state, time.monotonic_ns()):
+            return "error" if self._codec.state[codec.CLOCK_TROUBLE] else "warn", trouble
         wrong = "; ".join(contradictions(self._codec.state, self.device))
         return ("error", wrong) if wrong else ("ok", "serving")
 
@@ -219,6 +223,27 @@ def pointed(options, port):
     if not number.isdigit() or not 1 <= int(number) <= 65535:
         raise ValueError(f"port is {port!r}; of a UDP device it should be a number from 1 to 65535, or HOST:NUMBER")
     return options.model_copy(update={"host": host or options.host, "port": int(number)})
+
+
+def unready(state, where):
+    """Why no commands can be sent, a sentence; where: the line."""
+    wrong = f"the device on {where} greets, but its answers to questions for its clock cannot be: is it in ns?"
+    return wrong if state[codec.AXES] and state[codec.REFUSED] else f"no device answers on {where}"
+
+
+def clock_trouble(state, now):
+    """What keeps a device's clock from being good enough, or did a moment ago [ns], as a sentence; "" if nothing."""
+    trouble, stepped_at = state[codec.CLOCK_TROUBLE], state[codec.CLOCK_STEPPED_AT]
+    if trouble == clock_fit.DRIFT:
+        skew, most = state[codec.SKEW] * 1e-7, clock_fit.TOLERATED * 100.0
+        return f"the device's clock is {abs(skew):.3g} % {'fast' if skew > 0 else 'slow'}; {most:g} % is followed"
+    if trouble == clock_fit.JITTER:
+        told, most = state[codec.CLOCK_AVERAGE] * 1e-6, clock_fit.JITTER_FELT * 1e-6
+        return f"the device's answers jitter and tell its clock to {told:.3g} ms; {most:g} ms is needed"
+    if trouble == clock_fit.FINE and stepped_at and now - stepped_at < STEP_TOLD:
+        step = state[codec.CLOCK_STEPPED] * 1e-6
+        return f"the device's clock was set {'forward' if step > 0 else 'back'} by {abs(step):.3g} ms; never set it"
+    return "the device's clock was set; never set it" if trouble else ""
 
 
 def contradictions(state, device):

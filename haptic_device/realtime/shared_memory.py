@@ -31,7 +31,8 @@ DEVICE_LOCK, DEVICE_FIRST = 8, 9
 DEVICE_WORDS = 12  # session, latched, status, alive, counts 3, drag 3, delay, stamp error: 0 by those who know none
 DEVICE_WATCHDOG = 21  # word beside that block: time without a write after which the device cuts [ns], 0: unknown
 SERVO_LOCK, SERVO_FIRST, SERVO_WORDS = 32, 33, 8  # session, written, next deadline, period, engaged, motor 3
-WATCHDOG = faults.WATCHDOG  # bit of status: the device has cut the motor; the others are there too
+WATCHDOG, CLOCK = faults.WATCHDOG, faults.CLOCK  # bits of status: the device has cut the motor; its clock is not good
+# enough; the others are there too
 SPIN, PAUSE = 10_000, 30_000  # [ns] that a sample is looked for without a pause; longest pause after that, else woken
 WAKE = 60_000  # [ns] that a sleeper may wake late: the last of a wait is spent awake, so that it ends in time
 

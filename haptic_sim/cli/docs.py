@@ -55,7 +55,8 @@ If the cause is still there, the fault is latched again at once. The page, `hapt
 cause with the value that latched the fault, and what to do first where it came about (`fault_detail` and `fault_first`
 in `/diagnostics`).
 
-The device reports faults 11 to 14 by itself ([link_protocol.md](link_protocol.md#sample-4)). An end switch (13) is a
+The device reports faults 11 to 14 by itself ([link_protocol.md](link_protocol.md#sample-4)), and haptic_bridge
+finds 15 ([how exact a clock must be](link_protocol.md#how-exact-a-clock-must-be)). An end switch (13) is a
 fault only while the display is enabled. While it is disabled, you can move the handle off the switch. If you enable it
 on the switch, the fault is latched before any force acts.
 

@@ -35,6 +35,7 @@ BITS = {
     8: "too hot, motors cut",
     16: "end switch reached",
     32: "encoder broken",
+    64: "clock not exact enough",
     128: "motor value clamped",
 }
 """Each bit of a sample's status, in words."""

@@ -22,6 +22,7 @@ static int latches, writes, cuts;
 static float motors[3];
 static uint16_t inputs;
 static int16_t temperature = BOARD_NO_TEMPERATURE;
+static float drag;
 static uint8_t sent[ROOM];
 static int held;
 static double counts_per_unit[3]; /* of the plant; 0: there is none */
@@ -89,7 +90,7 @@ void board_cut_motors(int64_t time) {
 }
 
 void board_read_damper(float forces[3]) {
-    forces[0] = 0.5f;
+    forces[0] = drag;
 }
 
 uint16_t board_read_inputs(int16_t *value) {
@@ -120,6 +121,7 @@ static void begin(int64_t time, int axes, int datagrams, const double counts[3],
     known.datagrams = datagrams;
     now = time;
     inputs = 0;
+    drag = 0.5f;
     held = latches = writes = cuts = 0;
     haptic_begin(&device, &known);
     cuts = 0;
@@ -144,6 +146,9 @@ void port_time(int64_t time) {
 void port_inputs(int bits, int value) {
     inputs = (uint16_t)bits;
     temperature = (int16_t)value;
+}
+void port_drag(float value) {
+    drag = value;
 }
 void port_advance(void) {
     haptic_advance(&device, now);

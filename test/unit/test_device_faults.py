@@ -18,13 +18,14 @@ from haptic_device.realtime import hardware_interface, shared_memory
 
 BITS = {
     "device_estop": faults.BUTTON,
+    "device_clock": faults.CLOCK,
     "device_encoder": faults.BROKEN_ENCODER,
     "device_hot": faults.HOT,
     "device_limit": faults.END_SWITCH,
     "device_watchdog": faults.WATCHDOG,
 }
 """Name of the fault → bit of the status word, in the order in which they latch where several are set."""
-ALWAYS = ("device_estop", "device_hot", "device_encoder")  # enabled or not
+ALWAYS = ("device_estop", "device_clock", "device_hot", "device_encoder")  # enabled or not
 ENABLE, RESET, CLUTCH = enable_state.ENABLE, enable_state.RESET, enable_state.CLUTCH
 SILENCE = 0.02  # [s], fault.silence
 UNHEARD, LATE = "no command came over the line", "0.0202 s; the limit is 0.02 s"
@@ -132,7 +133,7 @@ def test_a_fault_has_no_number_of_the_fault_before_it():
 
 
 def test_bits_of_the_status_word_are_those_of_the_link_protocol_and_one_each():
-    assert [faults.FRESH, *BITS.values(), faults.CLAMPED] == [1, 4, 32, 8, 16, 2, 128]
+    assert [faults.FRESH, *BITS.values(), faults.CLAMPED] == [1, 4, 64, 32, 8, 16, 2, 128]
     assert shared_memory.WATCHDOG == faults.WATCHDOG and sum(BITS.values()) + faults.CLAMPED == faults.DEVICE_BITS
 
 
@@ -181,7 +182,7 @@ def test_a_device_that_cut_its_motor_leaves_the_tank_nothing_that_the_hand_earne
     for name, bit in BITS.items():
         runner.memory[:], runner.now = filled, now
         runner.tick(device_status=faults.FRESH | bit)
-        assert (runner.memory["tank"]["level"][0] <= 0.0) == (name != "device_limit")
+        assert (runner.memory["tank"]["level"][0] <= 0.0) == (name not in ("device_limit", "device_clock"))
 
 
 def test_of_any_word_on_the_page_the_known_bits_are_read_and_no_others():
@@ -215,7 +216,7 @@ def test_of_any_word_on_the_page_the_known_bits_are_read_and_no_others():
     link.close()
     device.close()
     assert not (shared_memory.FOLDER / name).exists()
-    for word in (0, 64, 256, 2.0**60, faults.FRESH | faults.CLAMPED):
+    for word in (0, 256, 2.0**60, faults.FRESH | faults.CLAMPED):
         row = pressing().tick(device_status=word)
         assert fault_of(row) == "" and row.motor[0] == pytest.approx(2.0, rel=1e-3)
     assert fault_of(pressing().tick(device_status=-1.0)) == "device_estop", "a negative word sets all its bits"

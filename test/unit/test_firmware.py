@@ -129,7 +129,7 @@ def test_nothing_is_said_before_the_first_hello(library):
 def test_deadlines_run_on_with_the_motor_held_until_the_watchdog_cuts(core):
     core.command(ms=1.0, period=2 * MS)
     assert [answers for answers, _ in samples(core.at(1.0))] == [core.sequence]
-    ran = samples(core.at(14.999))
+    ran = samples([frame for ms in range(2, 15) for frame in core.at(ms)] + core.at(14.999))
     assert [(answers, sample.deadline - core.BEGAN) for answers, sample in ran] == [
         (0, i * MS) for i in range(3, 14, 2)
     ]
@@ -144,13 +144,75 @@ def test_deadlines_run_on_with_the_motor_held_until_the_watchdog_cuts(core):
     assert core.motors == (1.0, -1.0, 0.5) and status(core.at(18.5)) == 0
 
 
-def test_a_clock_that_is_set_back_does_not_stretch_the_watchdog(core):
+@pytest.mark.parametrize("back", [2 * MS, 59 * MS, 1000 * MS])
+@pytest.mark.parametrize("times", [1, 4])
+def test_a_clock_that_is_set_back_however_often_does_not_stretch_the_watchdog(core, back, times):
     core.command()
-    core.BEGAN -= 1000 * MS
-    core.at(0.0)
-    assert core.motors == (1.0, -1.0, 0.5)
+    for i in range(2 * 15):
+        core.at(0.5 * i)
+        assert core.motors == (1.0, -1.0, 0.5) or i > 2 * (14 - times)
+        if i % 7 == 6 and i < 7 * times:
+            core.BEGAN -= back
     core.at(15.0)
-    assert core.motors == (0.0, 0.0, 0.0) and len(core.at(16.0)) == 1
+    assert core.motors == (0.0, 0.0, 0.0) and core.port.port_cuts() == 1
+    core.at(16.0)
+    assert len(core.at(17.0)) == 1
+
+
+@pytest.mark.parametrize("step", [0, 60 * MS])
+def test_deadlines_that_were_missed_in_a_stall_or_by_a_step_are_not_made_up_for(core, step):
+    core.command(ms=1.0)
+    core.at(1.0)
+    missed = samples(core.at(12.3))
+    assert [sample.sampled for _, sample in missed] == [core.now]
+    assert [sample.deadline - core.BEGAN for _, sample in samples(core.at(13.0))] == [13 * MS]
+    core.command(ms=1.0)
+    core.BEGAN += step
+    late = core.at(74.0 - step / MS)
+    assert len(samples(late)) <= 3 and status(late) == link.CUT and core.motors == (0.0, 0.0, 0.0)
+    assert len(core.at(75.0 - step / MS)) == 1
+
+
+def test_a_command_does_not_replace_a_deadline_that_is_not_reached_and_each_has_its_own_sample(core):
+    commands = []
+    for i, ms in enumerate((2.0, 3.0, 3.5, 4.0)):
+        core.at(0.1 * i)
+        core.command(ms=ms - 0.1 * i, motors=(0.1 * (i + 1), 0.0, 0.0))
+        commands.append((core.sequence, round(ms * MS), core.now))
+    assert core.motors[0] == pytest.approx(0.4)  # values act at once
+    told = [one for i in range(5, 41) for one in samples(core.at(0.1 * i))]
+    assert [(answers, one.deadline - core.BEGAN, one.applied) for answers, one in told] == commands
+    core.command(ms=3.0)
+    core.command(ms=3.0)  # the same again: one sample, which answers the last
+    told = [one for i in range(41, 76) for one in samples(core.at(0.1 * i))]
+    assert [(answers, one.deadline - core.BEGAN) for answers, one in told] == [(core.sequence, 7 * MS)]
+
+
+def test_of_deadlines_that_wait_those_are_forgotten_that_a_cut_a_stall_or_a_session_passes(core):
+    for ending in ("cut", "stall", "session"):
+        for ms in (10.0, 11.0, 12.0):
+            core.command(ms=ms, period=5 * MS)
+        began = (core.now - core.BEGAN) / MS
+        if ending == "session":
+            core.session += 1
+            core.say(link.HELLO, sequence=1)
+        told = samples(core.at(began + (12.5 if ending == "stall" else 15.0 if ending == "cut" else 1.0)))
+        answered = [answers for answers, _ in told if answers]
+        assert answered == ([core.sequence] if ending != "session" else [])
+        told = [one for i in range(4) for one in samples(core.at(began + 16.0 + i))]
+        assert not any(answers for answers, _ in told)
+
+
+@pytest.mark.parametrize("drag, told", [(999.0, 999.0), (1001.0, 0.0), (3e38, 0.0), (math.nan, 0.0), (-math.inf, 0.0)])
+def test_a_drag_that_no_damper_can_feel_is_told_as_not_measured(core, drag, told):
+    core.port.port_drag(ctypes.c_float(drag))
+    core.command()
+    ((_, one),) = samples(core.at(1.0))
+    assert one.damper == (told, 0.0, 0.0)
+
+
+def test_no_bit_is_set_after_power_up_until_a_watchdog_has_cut(core):
+    assert status(core.at(1.0)) == 0
 
 
 def test_a_new_hello_cuts_and_forgets_and_one_of_the_session_changes_nothing(core):

@@ -181,19 +181,54 @@ def test_a_sample_that_does_not_echo_what_was_announced_or_cannot_be_is_refused_
         (deadline, deadline, answers + 1, {}),  # answers what was not asked
         (deadline, deadline, answers - 1, {}),  # answers a question for the clock
         (0, 0, answers - 1, {}),
-        (deadline, deadline + 20 * MS, answers, {}),  # has not been yet
+        (deadline, deadline + MS + 1, answers, {}),  # has not been yet
+        (deadline, deadline + 20 * MS, answers, {}),
         (-(2**63), 2**63 - 1, answers, {}),
         (2**63 - 1, -(2**63), 0, {}),
         (deadline + 100 * MS, deadline + 100 * MS, 0, {}),
         (deadline - 2_000 * MS, deadline - 2_000 * MS, 0, {}),
         (deadline, deadline, answers, {"drag": (math.inf, math.nan, 0)}),
+        (deadline, deadline, answers, {"drag": (3e38, 0, 0)}),
+        (deadline, deadline, answers, {"drag": (0, -1000.1, 0)}),
         (deadline, deadline, answers, {"counts": (2**15, 0, 0)}),  # of 16 bits
     ):
         frame = device.frame(SAMPLE, sample(echo, latched, **wrong), answers=answer)
         assert refuses(host, frame, now + 2 * MS), (echo, latched, answer, wrong)
-    right = {"counts": (2**15 - 1, -(2**15), 0), "drag": (1e30, 0, 0)}
-    assert answered(host, device.frame(SAMPLE, sample(deadline, deadline, **right), **header), now + 2 * MS)
+    right = {"counts": (2**15 - 1, -(2**15), 0), "drag": (1000, 0, 0)}
+    told = host.hear(device.frame(SAMPLE, sample(deadline, deadline + MS, **right), **header), now + 2 * MS)
+    assert told[codec.LATCHED] == now + 2 * MS
     assert host.state[codec.DELAY] == 0  # the device has applied nothing yet
+    again = device.frame(SAMPLE, sample(deadline, deadline + MS, **right), **header)
+    assert refuses(host, again, now + 2 * MS)  # a second sample of one deadline
+
+
+def test_a_sample_that_is_not_newer_than_the_one_before_is_dropped_and_none_is_moved():
+    host, device, now = ready()
+    first, deadline = asked(host, device, now)
+    second, later = asked(host, device, now + MS)
+    for header, echo, sampled, told in (
+        (first, deadline, deadline + 2 * MS, now + 3 * MS),
+        (second, later, later + MS, None),
+        (second, later, later + MS, None),
+    ):
+        answer = host.hear(device.frame(SAMPLE, sample(echo, sampled), **header), now + 4 * MS)
+        assert (None if answer is None else answer[codec.LATCHED]) == told
+    assert host.state[codec.REFUSED] == 1 and host.state[codec.LOST] == 0
+    answer, deadline = exchanged(host, device, now + 5 * MS)
+    assert answer[codec.LATCHED] == answer[codec.DEADLINE] == deadline
+
+
+@pytest.mark.parametrize("step", [200_000, -5 * MS, 1000 * MS, -1000 * MS])
+def test_a_sample_that_the_clock_as_it_is_known_cannot_have_made_tells_that_it_was_set(step):
+    host, device, now = ready()
+    for i in range(1, 3):
+        time = device.clock(now + i * MS)
+        host.hear(device.frame(SAMPLE, sample(time, time)), now + i * MS + 30_000)
+        assert host.answer[codec.STATUS] == 0
+    device.ahead += step
+    time = device.clock(now + 3 * MS)
+    assert host.hear(device.frame(SAMPLE, sample(time, time)), now + 3 * MS + 30_000) is None
+    assert host.answer[codec.STATUS] == codec.CLOCK
 
 
 @pytest.mark.parametrize("bits", [16, 32])
@@ -222,8 +257,10 @@ def test_samples_that_nobody_asked_for_are_placed_by_the_clock_and_never_after_n
         told = unasked(device.clock(now - 500))
         assert told[codec.DEADLINE] == 0 and told[codec.STATUS] == 18
         assert abs(told[codec.LATCHED] - now + 500) <= 1000 and told[codec.LATCHED] <= now
-    assert unasked(device.clock(now + 10 * MS + 1000)) is None and host.state[codec.REFUSED] == 1
-    assert unasked(device.clock(now + 10 * MS - 1000))[codec.LATCHED] == now
+    error = int(host.state[codec.CLOCK_ERROR])
+    assert unasked(device.clock(now + 1000)) is None and host.state[codec.REFUSED] == 0  # dropped
+    assert unasked(device.clock(now + error + 1000)) is None and host.state[codec.REFUSED] == 1
+    assert unasked(device.clock(now - 10))[codec.LATCHED] <= now
 
 
 def test_a_sample_that_does_not_answer_is_fresh_for_a_deadline_only_two_periods_after_it():
@@ -231,8 +268,8 @@ def test_a_sample_that_does_not_answer_is_fresh_for_a_deadline_only_two_periods_
     asked(host, device, now)
     for after, fresh in ((2 * MS - 1, False), (2 * MS, True)):
         then, place = now + MS + after, device.clock(now + MS + after)
-        told = host.hear(device.frame(SAMPLE, sample(place, place)), then)
-        assert (told[codec.LATCHED] >= now + MS) == fresh
+        told = host.hear(device.frame(SAMPLE, sample(place - 1000, place - 1000)), then)
+        assert (told is not None and told[codec.LATCHED] >= now + MS) == fresh
 
 
 def test_lost_are_the_commands_that_came_due_without_a_sample():
@@ -392,7 +429,7 @@ def test_whole_frames_of_any_content_give_only_finite_samples_in_time(frames):
         if answer is not None:
             assert kind in (SAMPLE, TRUTH)
             assert np.isfinite(answer.view(np.float64)[codec.DRAG : codec.DRAG + 3]).all() or kind == TRUTH
-            assert kind == TRUTH or answer[codec.LATCHED] <= now + 12 * MS
+            assert kind == TRUTH or answer[codec.LATCHED] <= now + 2 * MS
 
 
 class Line(RuleBasedStateMachine):
@@ -423,7 +460,7 @@ class Line(RuleBasedStateMachine):
             return
         _, _, session, _, answers, payload = unpack(data)
         latched, deadline = answer[codec.LATCHED], answer[codec.DEADLINE]
-        assert latched > self.latched, "times of samples never go back"
+        assert self.latched < latched <= self.now, "times of samples never go back, and none has not been yet"
         self.latched = latched
         assert session == self.host.state[open_state.SESSION]
         assert answer[codec.COUNTS] == session & 0xFFFF, "counts are of this session"
