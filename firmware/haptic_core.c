@@ -8,7 +8,6 @@
 
 enum { UNASKED = 1000000 };                     /* [ns] between samples that nobody has asked for */
 enum { LONGEST_PERIOD = 10000000 };             /* [ns] of commands */
-static const float MOST_DRAG = 1000.0f;         /* [N, N m] that a damper can feel */
 static const uint16_t LATCHING = HAPTIC_ESTOP | HAPTIC_HOT | HAPTIC_BROKEN_ENCODER;
 
 static void cut(struct haptic *device, int64_t now) {
@@ -75,7 +74,7 @@ static void sample(struct haptic *device, uint32_t answers, bool asked, int64_t 
     place = haptic_put_u16(place, (uint16_t)device->temperature);
     place = haptic_put_u16(place, 0);
     for (int i = 0; i < 3; i++) {
-        place = haptic_put_f32(place, fabsf(damper[i]) <= MOST_DRAG ? damper[i] : 0.0f);
+        place = haptic_put_f32(place, fabsf(damper[i]) <= 1000.0f ? damper[i] : 0.0f); /* more no damper feels */
     }
     uint16_t status = (uint16_t)(device->latched | (device->inputs & HAPTIC_END_SWITCH));
     status |= device->cut ? HAPTIC_CUT : 0;

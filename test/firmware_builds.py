@@ -54,7 +54,7 @@ def page_tool(*options) -> Path:
 def ports() -> ctypes.CDLL:
     """Core, plant and hand, and the functions of test/firmware/*_port.c by which tests reach them."""
     library = ctypes.CDLL(str(_compiled("ports.so", "-O1", "-shared", "-fPIC", *PORTS.glob("*_port.c"), *CORE, *PLANT)))
-    for name in ("port_due", "plant_port_push"):
+    for name in ("port_due", "plant_port_push", "plant_port_time"):
         getattr(library, name).restype = ctypes.c_int64
     library.haptic_crc32.restype = ctypes.c_uint32
     return library

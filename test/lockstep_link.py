@@ -146,7 +146,7 @@ def two_joints():
 class Reference:
     """The firmware's core and the reference device's plant; the handle stands there [m].
 
-    skew, ahead [ns]: of its clock, by which the plant goes too.
+    skew, ahead [ns]: of its clock; the plant goes with it, but for a step of ahead.
     """
 
     def __init__(self, datagram=True, place=0.0, skew=0.0):
@@ -174,6 +174,7 @@ class Reference:
         self._port.port_inputs(bits, -32768)
 
     def serve(self, data, now):
+        self._port.port_set(ctypes.c_int64(self.ahead))
         self._port.port_time(self._own(now))
         if data:
             self._port.port_receive(data, len(data))

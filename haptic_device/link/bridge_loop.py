@@ -197,8 +197,8 @@ def _hear(decode, state, words, control, truth_mail, session, came, now, m, room
         if room.answer[codec.KIND] == codec.SAMPLE:
             waited_for |= _pass_on(state, words, control, session, now, m, room)
         elif room.answer[codec.KIND] == codec.NOTHING and room.answer[codec.STATUS] & codec.CLOCK and m.latest > 0:
-            room.block[2] |= codec.CLOCK  # else the servo would only see that the device is silent
-            room.block[3] = now
+            # else the servo would only see that the device is silent
+            room.block[2], room.block[3] = room.block[2] | codec.CLOCK, now
             atomic.publish(words, shared_memory.DEVICE_LOCK, shared_memory.DEVICE_FIRST, room.block)
         elif room.answer[codec.KIND] == codec.TRUTH:
             first = codec.TRUTH_FIRST

@@ -45,13 +45,10 @@ STEADY = (
 )
 MARGIN = 10_000.0  # [ns] by which a fit may lie outside of an answer's bounds, beside the residuals
 FARTHEST = 1 << 61  # [ns] of a time that a device may tell
-ROUNDING = 4.0  # [ns]
-AVERAGED = 16  # answers of which the error is averaged for what is judged, of each no more than 2 JITTER_FELT: a stall
-# makes some that are very late
 
 TOLERATED = 1e-3  # skew of a clock that is good enough
 STEP_FELT = 100_000.0  # [ns] by which a fit lies outside of an answer's bounds where the clock has been set
-JITTER_FELT = 500_000.0  # [ns] of the average error: answers that jitter by more tell the clock too badly
+JITTER_FELT = 500_000.0  # [ns] of the error on average over 16 answers, which then tell the clock too badly
 FINE, DRIFT, STEP, JITTER = range(4)  # troubles
 
 LINE = 17  # words of a line, of which there are two: the fit, and what contradicts it
@@ -95,7 +92,7 @@ def _grown(fit, width, since, at):
     """What an answer at `since` left unknown, with what the slope's bounds have added up to then."""
     reals = fit.view(np.float64)
     rate = max(abs(reals[HIGH] - reals[SLOPE]), abs(reals[SLOPE] - reals[LOW]))
-    return width + rate * np.float64(max(0, at - since)) + ROUNDING
+    return width + rate * np.float64(max(0, at - since)) + 4.0  # as exact as float64 is
 
 
 @kernel
@@ -166,8 +163,8 @@ def _leave(fit, t1, t2, t3, t4, taken, contradicts):
     reals[WIDTH], fit[SINCE] = width, t1
     if taken == TAKEN:
         reals[SURE], fit[SURE_AT] = width, t1
-    if not contradicts:
-        reals[MEAN] += (min(width, 2.0 * JITTER_FELT) - reals[MEAN]) / min(AVERAGED, fit[COUNT])
+    if not contradicts:  # no more of each: a stall makes some that are very late
+        reals[MEAN] += (min(width, 2.0 * JITTER_FELT) - reals[MEAN]) / min(16, fit[COUNT])
 
 
 @njit

@@ -60,7 +60,7 @@ def _content(state, kind, data, now, answer):
     if kind == frame.SAMPLE:
         return _sample(state, data, now, answer)
     if kind == frame.CLOCK_ANSWER:
-        return _clock_answer(state, data, now)
+        return _clock_answer(state, data, now, answer)
     return kind == frame.TRUTH and state[codec.SIMULATED] != 0 and _truth(state, data, answer)
 
 
@@ -89,8 +89,8 @@ def _greeting(state, data, now):
 
 
 @njit
-def _clock_answer(state, data, now):
-    """Takes an answer into the fit of the clock."""
+def _clock_answer(state, data, now, answer):
+    """Takes an answer into the fit of the clock, and tells where that is in trouble."""
     at = s.asked(state, frame.get_u32(data, frame.ANSWERS))
     asked, came = frame.get_i64(data, frame.HEADER), frame.get_i64(data, frame.HEADER + 8)
     went = frame.get_i64(data, frame.HEADER + 16)
@@ -106,6 +106,7 @@ def _clock_answer(state, data, now):
     state[codec.CLOCK_STEPS], state[codec.CLOCK_ERROR] = fit[clock_fit.STEPS], clock_fit.error(fit, now)
     state[codec.CLOCK_TROUBLE], average = clock_fit.trouble(fit), fit.view(np.float64)[clock_fit.MEAN]
     state[codec.CLOCK_AVERAGE] = np.int64(average)
+    answer[codec.STATUS] = codec.CLOCK if state[codec.CLOCK_TROUBLE] != 0 else 0
     state[codec.SKEW] = np.int64(round(clock_fit.skew(fit) * 1e9))
     _round_trip(state, now - asked - (went - came))
     return True
@@ -168,10 +169,8 @@ def _sample(state, data, now, answer):
 @njit
 def _clock_was_set(state, sampled, now):
     """Whether a sample of this time of the device cannot come now, by the clock as it is known."""
-    if state[codec.READY] == 0:
-        return False
-    fit = s.fit_of(state)
-    return sampled < state[s.SAMPLED] or clock_fit.to_host(fit, sampled) > now + clock_fit.error(fit, now)
+    fit, known = s.fit_of(state), state[codec.READY] != 0
+    return known and (sampled < state[s.SAMPLED] or clock_fit.to_host(fit, sampled) > now + clock_fit.error(fit, now))
 
 
 @njit

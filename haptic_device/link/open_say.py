@@ -64,7 +64,7 @@ def _begin(state, now, data):
         state[word] = 0
     for word in (codec.READY, codec.DELAY, codec.DELAY_MEAN, codec.CLOCK_ERROR, codec.CLOCK_TROUBLE, codec.SKEW):
         state[word] = 0
-    state[s.SAMPLED] = s.NEVER
+    state[s.SAMPLED] = -clock_fit.FARTHEST  # none yet
     for i in range(s.REMEMBERED):
         state[s.SENT_FRAMES + i * s.EACH + s.KEY] = s.NOBODY
     clock_fit.restart(s.fit_of(state))
@@ -90,8 +90,7 @@ def _look(state, now, data):
             return 0
         state[s.SAID] = now
         return _send(state, frame.HELLO, 0, data)
-    if state[codec.READY] != 0:
-        state[codec.CLOCK_ERROR] = clock_fit.error(s.fit_of(state), now)
+    state[codec.CLOCK_ERROR] = clock_fit.error(s.fit_of(state), now)
     if since < (s.ASK_FIRST if state[s.ASKED] < ASKS_FIRST or state[s.UNSURE] != 0 else ASK_LATER):
         return 0
     state[s.SAID], state[s.ASKED] = now, state[s.ASKED] + 1

@@ -29,7 +29,6 @@ REMEMBERED, EACH = 64, 5
 WORDS = SENT_FRAMES + REMEMBERED * EACH
 KEY, HOST_DEADLINE, DEVICE_DEADLINE, WRITTEN, OWN_NUMBER = range(EACH)
 NOBODY = -1  # no sequence
-NEVER = -(1 << 62)  # [ns] before all that a device may tell
 
 
 def new_state() -> np.ndarray:

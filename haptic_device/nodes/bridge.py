@@ -32,6 +32,7 @@ SAME = 1e-3  # relative, within which two numbers are the same
 REOPEN = 0.2  # [s] between tries to open a line that is not there
 TARGET = np.dtype([("place", "f8", (3,))])
 STEP_TOLD = 30_000_000_000  # [ns] for which it is said that the device's clock was set
+WRONG_CLOCK = "greets, but its answers to questions for its clock cannot be: are they in ns?"
 HOLDS = "this device holds its last motor value where haptic_bridge is killed or stopped: keep a switch at hand"
 OPEN = {False: line.open_serial, True: line.open_udp}
 
@@ -199,7 +200,8 @@ class BridgeNode(ManagedNode):
         if self._control[bridge_loop.FD] < 0:
             return "error", self._why or f"the line {address(self.options)} is lost"
         if not self._codec.state[codec.READY]:
-            return "warn", unready(self._codec.state, address(self.options))
+            where, greets = address(self.options), self._codec.state[codec.AXES] and self._codec.state[codec.REFUSED]
+            return "warn", f"the device on {where} {WRONG_CLOCK}" if greets else f"no device answers on {where}"
         if trouble := clock_trouble(self._codec.state, time.monotonic_ns()):
             return "error" if self._codec.state[codec.CLOCK_TROUBLE] else "warn", trouble
         wrong = "; ".join(contradictions(self._codec.state, self.device))
@@ -223,12 +225,6 @@ def pointed(options, port):
     if not number.isdigit() or not 1 <= int(number) <= 65535:
         raise ValueError(f"port is {port!r}; of a UDP device it should be a number from 1 to 65535, or HOST:NUMBER")
     return options.model_copy(update={"host": host or options.host, "port": int(number)})
-
-
-def unready(state, where):
-    """Why no commands can be sent, a sentence; where: the line."""
-    wrong = f"the device on {where} greets, but its answers to questions for its clock cannot be: is it in ns?"
-    return wrong if state[codec.AXES] and state[codec.REFUSED] else f"no device answers on {where}"
 
 
 def clock_trouble(state, now):

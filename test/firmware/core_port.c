@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The firmware's core on a board that a test plays: its clock, encoders, inputs and line are numbers of this file, or
- * its encoders and motors are those of the plant in plant_port.c, on the same clock.
+ * its encoders and motors are those of the plant in plant_port.c, on the same clock but for what this one was set by.
  */
 #include <math.h>
 #include <string.h>
@@ -10,6 +10,7 @@
 #include "haptic_core.h"
 
 void plant_port_advance(int64_t time);
+int64_t plant_port_time(void);
 int64_t plant_port_push(int64_t time, const double force[3]);
 void plant_port_cut(int64_t time);
 void plant_port_state(double state[22]);
@@ -26,7 +27,7 @@ static float drag;
 static uint8_t sent[ROOM];
 static int held;
 static double counts_per_unit[3]; /* of the plant; 0: there is none */
-static int64_t integrated;
+static int64_t ahead;             /* of the plant's time [ns] */
 
 int64_t board_now_ns(void) {
     return now;
@@ -51,13 +52,12 @@ void board_answer_sender(void) {}
 
 static int64_t latch_plant(int64_t deadline, int32_t counts[3]) {
     double state[22];
-    integrated = deadline > integrated ? deadline : integrated;
-    plant_port_advance(integrated);
+    plant_port_advance(deadline - ahead);
     plant_port_state(state);
     for (int i = 0; i < 3; i++) {
         counts[i] = (int32_t)floor(state[18 + i] * counts_per_unit[i] + 0.5);
     }
-    return integrated;
+    return plant_port_time() + ahead > deadline ? plant_port_time() + ahead : deadline;
 }
 
 int64_t board_latch(int64_t deadline, int32_t counts[3]) {
@@ -76,14 +76,14 @@ int64_t board_write_motors(int64_t time, const float values[3]) {
     memcpy(motors, values, sizeof motors);
     if (counts_per_unit[0] > 0.0) {
         double force[3] = {values[0], values[1], values[2]};
-        return plant_port_push(time, force);
+        return plant_port_push(time - ahead, force) + ahead;
     }
     return time;
 }
 
 void board_cut_motors(int64_t time) {
     if (counts_per_unit[0] > 0.0) {
-        plant_port_cut(time);
+        plant_port_cut(time - ahead);
     }
     cuts++;
     memset(motors, 0, sizeof motors);
@@ -136,10 +136,14 @@ void port_begin(int64_t time, int axes, int datagrams) {
 /* With the plant, which has begun already, at time 0; its motors' units are N and N m. */
 void port_begin_plant(int datagrams, const double counts[3], const double largest[3]) {
     memcpy(counts_per_unit, counts, sizeof counts_per_unit);
-    integrated = 0;
+    ahead = 0;
     begin(0, 3, datagrams, counts, largest);
 }
 
+/* Sets the clock of the device ahead of the plant's by so much. */
+void port_set(int64_t by) {
+    ahead = by;
+}
 void port_time(int64_t time) {
     now = time;
 }

