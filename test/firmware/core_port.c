@@ -56,7 +56,7 @@ static int64_t latch_plant(int64_t deadline, int32_t counts[3]) {
     for (int i = 0; i < 3; i++) {
         counts[i] = (int32_t)floor(state[18 + i] * counts_per_unit[i] + 0.5);
     }
-    return integrated > now ? now : integrated; /* after the clock was set back the plant waits for it */
+    return integrated;
 }
 
 int64_t board_latch(int64_t deadline, int32_t counts[3]) {
