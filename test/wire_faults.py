@@ -26,12 +26,12 @@ FIELDS = {
 
 
 class Clocked(Reference):
-    """A device whose clock is `step` [ns] ahead of what it was, and drifts from `since` on."""
+    """A device whose clock is `ahead` [ns] of what it was, and drifts from `since` on."""
 
-    step, drift, since = 0, 0.0, 0
+    ahead, drift, since = 0, 0.0, 0
 
     def _own(self, now):
-        return ctypes.c_int64(super()._own(now).value + self.step + round(self.drift * (now - self.since)))
+        return ctypes.c_int64(now - BEGAN + self.ahead + round(self.drift * (now - self.since)))
 
     @property
     def motors(self):
@@ -138,12 +138,12 @@ def stalled(wire, data):
     return come if ended else []
 
 
-def clock(step=0, drift=0.0):
+def clock(ahead=0, drift=0.0):
     """The device's clock is another from now on; the frames are right."""
 
     def act(wire, data):
         if wire.count == 1:
-            wire.mechanism.step, wire.mechanism.drift, wire.mechanism.since = step, drift, wire.now
+            wire.mechanism.ahead, wire.mechanism.drift, wire.mechanism.since = ahead, drift, wire.now
         return [data]
 
     return act
@@ -176,7 +176,7 @@ def jittered(wire, data):
     return [anew(data, came=lambda at: at + wrong, went=lambda at: at + wrong)]
 
 
-def ahead(at):
+def later(at):
     return at + 50 * MS
 
 
@@ -248,7 +248,7 @@ HOST = (
     host("samples are stamped 5 ms ahead", says(SAMPLE, sampled=lambda at: at + 5 * MS), SAID, "device_clock"),
     host(
         "unasked samples are stamped ahead",
-        says(SAMPLE, answers=0, deadline=ahead, sampled=ahead),
+        says(SAMPLE, answers=0, deadline=later, sampled=later),
         SAID,
         "device_clock",
     ),
