@@ -87,6 +87,13 @@ def error(fit, at):
     return np.int64(math.ceil(_grown(fit, fit.view(np.float64)[WIDTH], fit[SINCE], at)))
 
 
+@kernel
+def steady_error(fit, at):
+    """The same where the clock was not set since the last answer that was taken: a late one tells no less for it."""
+    reals = fit.view(np.float64)
+    return min(error(fit, at), np.int64(math.ceil(_grown(fit, reals[SURE], fit[SURE_AT], at))))
+
+
 @njit
 def _grown(fit, width, since, at):
     """What an answer at `since` left unknown, with what the slope's bounds have added up to then."""

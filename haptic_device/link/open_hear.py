@@ -162,7 +162,7 @@ def _sample(state, data, now, answer):
     state[s.LATCHED] = latched
     _tell(state, data, answer)
     answer[codec.LATCHED], answer[codec.DEADLINE] = latched, own
-    answer[codec.STAMP_ERROR] = state[codec.CLOCK_ERROR]
+    answer[codec.STAMP_ERROR] = clock_fit.steady_error(s.fit_of(state), now)
     return True
 
 
