@@ -196,9 +196,9 @@ def _hear(decode, state, words, control, truth_mail, session, came, now, m, room
         done = decode(state, room.incoming[used:have], have - used, now, room.answer)
         if room.answer[codec.KIND] == codec.SAMPLE:
             waited_for |= _pass_on(state, words, control, session, now, m, room)
-        elif room.answer[codec.KIND] == codec.NOTHING and room.answer[codec.STATUS] & codec.CLOCK and m.latest > 0:
+        elif room.answer[codec.KIND] == codec.NOTHING and room.answer[codec.STATUS] and m.latest > 0:
             # else the servo would only see that the device is silent
-            room.block[2], room.block[3] = room.block[2] | codec.CLOCK, now
+            room.block[2], room.block[3] = room.block[2] | room.answer[codec.STATUS], now
             atomic.publish(words, shared_memory.DEVICE_LOCK, shared_memory.DEVICE_FIRST, room.block)
         elif room.answer[codec.KIND] == codec.TRUTH:
             first = codec.TRUTH_FIRST

@@ -19,8 +19,8 @@ servo is silent or ends; sent several times at an end, so that it is the last wo
 without. TARGET: where a simulated device's hand goes.
 
 All times of an answer are the host's. Counts are unwrapped. SAMPLE: LATCHED is never before the deadline that the
-sample is of, and newer than that of the sample before. STATUS of NOTHING: CLOCK where what has come proves that the
-device's clock is not what the codec takes it for; else 0.
+sample is of, and newer than that of the sample before. STATUS of NOTHING: what counts though no sample is told, bits of
+one that is dropped, and CLOCK where what has come proves that the device's clock is not what the codec takes it for.
 """
 
 from typing import NamedTuple

@@ -155,6 +155,7 @@ def _sample(state, data, now, answer):
             return False
         awaited = state[s.AWAITED] != 0 and now < state[s.AWAITED_UNTIL]
         if latched > now or (awaited and latched >= state[s.AWAITED]):
+            answer[codec.STATUS] |= frame.get_u16(data, frame.FLAGS) & STATUS_BITS  # what it says of the device counts
             return True
     state[s.SAMPLED] = sampled
     if latched <= state[s.LATCHED]:
