@@ -10,9 +10,10 @@ from haptic_device.recording.bag_contents import Joints, Records
 from haptic_device.recording.bag_topics import TOPICS, load
 from haptic_device.recording.columns import Entries
 
-TRACE = np.dtype(  # a tick in a fifth of its full size: ten minutes at 4 kHz then fit into half a gigabyte
+TRACE = np.dtype(  # a tick in a quarter of its full size: ten minutes at 4 kHz then fit into half a gigabyte
     [(name, "f8") for name in ("tick", "deadline", "tool_answered", "handle_sequence", "missed")]
-    + [(name, "f4", (3,)) for name in ("position", "tool_position", "tool_effort")]
+    + [(name, "f4", (3,)) for name in ("position", "velocity", "tool_position", "tool_velocity", "tool_effort")]
+    + [("exchange_fade", "f4"), ("coupling_position", "f4", (3,)), ("coupling_velocity", "f4", (3,))]
     + [(name, "f4") for name in ("lateness", "compute", "tool_age", "tool_contact", "engage", "fault", "withheld")]
     + [(name, "f4") for name in ("device_status", "stamp_error")]
     + [("injections", "f8")]  # f4 counts to 2**24 only: four hours at 1 kHz
@@ -21,7 +22,7 @@ TRACE = np.dtype(  # a tick in a fifth of its full size: ten minutes at 4 kHz th
 HANDLE = ("exchange_method", "stiffness", "damping", "rotational_stiffness", "rotational_damping")
 ONLY = {
     "trace": TRACE,
-    "handle": Entries(HANDLE, ("position",)),
+    "handle": Entries((*AXES, *HANDLE, "session", "sequence"), ("position", "velocity")),
     "tool": Entries(("answered",), ("position",)),
     "operator/state": Entries((*AXES, *(f"motor_{name}" for name in AXES), "energy_given", "time")),
 }

@@ -151,7 +151,8 @@ def _answers(run: Run) -> Findings:
 def _mismatch(run: Run) -> Findings:
     if not run.traced or summary.conditions(run.recording)["exchange"] == "wave":  # whose samples carry waves
         return
-    found = summary.residual_figures(run.recording, run.rows)["unexplained_n"]
+    rows = summary.engaged_rows(run.recording.trace)
+    found = summary.residual_figures(run.recording, rows)["unexplained_n"]
     if found is not None and found > MISMATCH:
         yield WARN, f"Forces on handle and tool differ by {amount(found, 'N')} (RMS), which no age of samples explains"
 
