@@ -393,6 +393,7 @@ class Link:
         row, sample = self._row, self._sample
         row["tick"], row["deadline"], row["missed"], row["command"] = self._tick, deadline, self.missed, self.command
         row["lateness"], row["latched"] = (self._woke - deadline) * 1e-9, sample[hardware_interface.LATCHED]
+        row["stamp_error"] = sample[hardware_interface.STAMP_ERROR]
         row["counts"] = sample[hardware_interface.COUNTS : hardware_interface.COUNTS + 3]
         row["device_status"] = int(sample[hardware_interface.STATUS]) | fresh
         tick(self.settings, self.memory, row)

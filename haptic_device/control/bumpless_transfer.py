@@ -53,10 +53,12 @@ def follow(wished, state):
     # where the handle is nobody knows on old counts
     if state.motion.stale_ticks > 0.0:
         return
+    now = state.in_force
+    indebted = state.tank.level < 0.0 and now.exchange.method != exchange_samples.DIRECT
     if state.change.going > 0.0:
-        _follow(wished, state.in_force, state)
-    if state.tank.level < 0.0 and state.in_force.exchange.method != exchange_samples.DIRECT:
-        _hold_dampers(state.in_force, state)
+        _follow(wished, now, state, indebted)
+    if indebted:
+        _hold_dampers(now, state)
 
 
 @njit
@@ -74,8 +76,8 @@ def _hold_dampers(now, state):
 
 
 @njit
-def _follow(wished, now, state):
-    share, falling = 1.0 / state.change.going, not _fallen(wished, now)
+def _follow(wished, now, state, indebted):
+    share, falling = 1.0 / state.change.going, indebted or not _fallen(wished, now)
     going = _follow_limits(wished, now, state, share)
     going += _follow_coupling(wished, now, state, share, falling)
     going += _follow_cancellation(wished, now, state, falling)

@@ -104,10 +104,11 @@ def tell(settings, state, sensors, tool, output):
         output.withheld = WAITING
         return
     bits = _why_faded(settings, state, tool, output) if output.exchange_fade < 1.0 else 0
-    bits += TANK if short > FELT else 0
+    indebted = state.change.going > 0.0 and state.tank.level < 0.0  # which then holds the dampers, too
+    bits += TANK if short > FELT or indebted else 0
     bits += RELEASED if state.walls.release > 0.0 and state.walls.touched > 0.0 else 0
     bits += UNPAID if output.engage < 1.0 and _is_unpaid(settings, state) else 0
-    bits += CHANGE if state.change.going > 0.0 else 0
+    bits += CHANGE if state.change.going > 0.0 and not indebted else 0
     output.withheld = bits + (LIMIT if _is_limited(settings, state.hold, output) else 0)
 
 

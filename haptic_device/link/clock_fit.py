@@ -89,9 +89,12 @@ def error(fit, at):
 
 @kernel
 def steady_error(fit, at):
-    """The same where the clock was not set since the last answer that was taken: a late one tells no less for it."""
-    reals = fit.view(np.float64)
-    return min(error(fit, at), np.int64(math.ceil(_grown(fit, reals[SURE], fit[SURE_AT], at))))
+    """The same by the last answer that was taken, which a late one after it does not make worse. While answers
+    contradict the fit it is the error."""
+    reals, known_by_last = fit.view(np.float64), error(fit, at)
+    if fit[LINE + COUNT] > 0 or reals[DOUBT] != 0.0:
+        return known_by_last
+    return min(known_by_last, np.int64(math.ceil(_grown(fit, reals[SURE], fit[SURE_AT], at))))
 
 
 @njit

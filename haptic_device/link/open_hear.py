@@ -137,8 +137,9 @@ def _sample(state, data, now, answer):
     answers, late = frame.get_u32(data, frame.ANSWERS), sampled - deadline
     if not 0 <= late <= OLDEST or not _plain(state, data):
         return False
-    if _clock_was_set(state, sampled, now):
+    if step := _clock_was_set(state, sampled, now):
         answer[codec.STATUS] = codec.CLOCK
+        state[codec.CLOCK_STEPPED], state[codec.CLOCK_STEPPED_AT] = step, now
     if answers != 0:
         at = s.asked(state, answers)
         if at == s.NOBODY or state[at + s.HOST_DEADLINE] == 0 or state[at + s.DEVICE_DEADLINE] != deadline:
@@ -163,15 +164,20 @@ def _sample(state, data, now, answer):
     state[s.LATCHED] = latched
     _tell(state, data, answer)
     answer[codec.LATCHED], answer[codec.DEADLINE] = latched, own
-    answer[codec.STAMP_ERROR] = clock_fit.steady_error(s.fit_of(state), now)
+    fit = s.fit_of(state)  # which may have moved since the deadline was announced
+    answer[codec.STAMP_ERROR] = clock_fit.steady_error(fit, now) + abs(clock_fit.to_host(fit, sampled) - latched)
     return True
 
 
 @njit
 def _clock_was_set(state, sampled, now):
-    """Whether a sample of this time of the device cannot come now, by the clock as it is known."""
-    fit, known = s.fit_of(state), state[codec.READY] != 0
-    return known and (sampled < state[s.SAMPLED] or clock_fit.to_host(fit, sampled) > now + clock_fit.error(fit, now))
+    """By how much the clock was set [ns], where a sample of this time of the device cannot come now; else 0."""
+    if state[codec.READY] == 0:
+        return 0
+    fit = s.fit_of(state)
+    ahead = clock_fit.to_host(fit, sampled) - now
+    felt = ahead > clock_fit.error(fit, now) + np.int64(clock_fit.STEP_FELT)
+    return ahead if felt else min(0, sampled - state[s.SAMPLED])
 
 
 @njit

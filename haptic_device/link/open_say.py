@@ -64,6 +64,7 @@ def _begin(state, now, data):
         state[word] = 0
     for word in (codec.READY, codec.DELAY, codec.DELAY_MEAN, codec.CLOCK_ERROR, codec.CLOCK_TROUBLE, codec.SKEW):
         state[word] = 0
+    state[codec.CLOCK_AVERAGE] = 0
     state[s.SAMPLED] = -clock_fit.FARTHEST  # none yet
     for i in range(s.REMEMBERED):
         state[s.SENT_FRAMES + i * s.EACH + s.KEY] = s.NOBODY

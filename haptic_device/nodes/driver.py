@@ -163,11 +163,7 @@ class DriverNode(ManagedNode):
     def _settings(self, values, version=0):
         """SETTINGS record of these values, with the delay that counts now."""
         settings = controller_config.settings_from(self.device, values, version)
-        described = settings["hardware"]["delay"] + settings["hardware"]["stamp_error"]  # a link's delay has both
-        settings["hardware"]["delay"], settings["hardware"]["stamp_error"] = (
-            self._delay,
-            max(0.0, described - self._delay),
-        )
+        settings["hardware"]["delay"] = self._delay
         return settings
 
     def lateness(self):
@@ -176,8 +172,8 @@ class DriverNode(ManagedNode):
         The delays of the description may have been identified with the link in them: the longer of both counts, no sum.
         """
         measured = self.telemetry.percentiles()[3, 1] if self.telemetry is not None else math.nan
-        described = self.device.sensing_delay + self.device.actuation_delay + self.device.stamp_error
-        delays = max(described, self.hardware.delay() if self.hardware is not None else 0.0)
+        described = self.device.sensing_delay + self.device.actuation_delay
+        delays = max(described, self.hardware.delay() if self.hardware is not None else 0.0) + self.device.stamp_error
         return delays + (0.0 if math.isnan(measured) else measured)
 
     def _follow_margin(self):

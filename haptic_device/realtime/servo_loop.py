@@ -163,6 +163,7 @@ def run_tick(settings, state, tool, tick, number, deadline, sample, fresh):
     """
     tick.sensors.tick, tick.sensors.deadline, tick.sensors.parameter_version = number, deadline, settings.version
     _fill_sensors(tick.sensors, sample, fresh)
+    tick.sensors.stamp_error = max(tick.sensors.stamp_error, settings.hardware.stamp_error * 1e9)
     _fill_tool(tick.tool, tool, state.virtual_tool.contacts, deadline)
     servo.tick(settings, state, tick)
 

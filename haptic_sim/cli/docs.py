@@ -72,8 +72,9 @@ WITHHELD_FORCE = f"""
 Generated from `control/withheld.py: TABLE`. Withheld force is not a fault: the motor still acts, but with less force
 than is wanted. It is reported if it lasts more than {LASTS:g} s without a break of more than {BREAK * 1e3:g} ms.
 The page, `haptic status`, `haptic demo`, `haptic report` and `/diagnostics` show it.
-`test/unit/test_withheld.py` provokes each cause.
-The simulation tells `tool_port` itself: {SHORT}.
+`test/unit/test_withheld.py` provokes each cause of the table.
+The simulation tells one more, `tool_port`: {SHORT}. It says so where this takes more than a fifth of the time; demo and
+report say it from {LASTS:g} s in all.
 If the simulated world [leaves time out](../theory/exchange.md#age-cuts-rates), no force is withheld, and the simulation
 warns.
 

@@ -30,7 +30,7 @@ def passivity(
         float, number("--delay-samples", "periods", help="Loop delay in periods, fractions allowed.")
     ] = 0.0,
     stamp_error: Annotated[
-        float, number("--stamp-error", "s", help="Half-width of what is not known of a sample's time (s).")
+        float, number("--stamp-error", "s", 0.0, 1.0, help="Half-width of what is not known of a sample's time (s).")
     ] = 0.0,
     velocity_lag: Annotated[
         float, number("--velocity-lag", "s", help="Time constant of the velocity filter (s).")

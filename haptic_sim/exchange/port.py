@@ -201,7 +201,7 @@ class PspmPort(EnergyTankPort):
     def rejoin(self) -> None:
         """The next sample's sum of energy is the new zero, and the pull begins at none; the tank keeps what it has."""
         self._known = None
-        self.memory[[tool_side_tank.JOINED, tool_side_tank.PULL, tool_side_tank.PULL + 1]] = 0.0
+        self.memory[[tool_side_tank.JOINED, tool_side_tank.PULL, tool_side_tank.PULL + 1, tool_side_tank.SHORT]] = 0.0
 
     def restart(self) -> None:
         """As `rejoin`, with a new reserve: what the world before had left, or had spent, is gone with it."""

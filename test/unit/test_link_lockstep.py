@@ -226,7 +226,7 @@ def led(link, seconds=0.2):
 def test_a_clock_within_a_thousandth_tells_a_hand_as_fast_as_it_is(name, skew):
     link = linked(name, way=Way(20_000, 50_000, 200_000))
     link.mechanism.skew = skew
-    assert led(link) == pytest.approx(1.0, abs=0.1)
+    assert 0.8 < led(link) < 1.01  # over the longest time, which the clock's error makes longer
     assert link.fault == faults.NONE and clock_trouble(link.codec.state, link.now) == ""
     assert link.codec.state[codec.SKEW] * 1e-9 == pytest.approx(skew, abs=100e-6)
 

@@ -153,7 +153,7 @@ def test_a_trace_of_an_older_layout_is_shown_as_far_as_it_goes(tmp_path):
     rows = swing(4000)
     older = [name for name in rows.dtype.names if name not in ("margin", "tool_age", "force_walls")]
     run = read_run(of_columns(tmp_path / "older", rows, older))
-    assert "topic trace has no tool_age, injections, force_walls, margin" in run.notes
+    assert "topic trace has no tool_age, stamp_error, injections, force_walls, margin" in run.notes
     found = sections(run)
     assert found["Servo"]["rate"] == "4000 Hz" and "no topic operator/state" in found["Energy"]["not shown"]
     assert "positions" in drawn(run) and verdict(run).ending == "No fault."

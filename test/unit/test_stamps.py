@@ -6,7 +6,7 @@ import pytest
 from examples import tries
 from exchange_systems import one_axis
 from fault_table import PERIOD, Servo
-from lockstep_systems import device, values
+from lockstep_systems import device, values, wall_system
 from ticks import tick
 
 from adversary import exchange_search as adversary
@@ -23,9 +23,9 @@ class Led:
     told: the error that the device tells with its samples, in periods; counted: whether the driver counts with it.
     """
 
-    def __init__(self, rate, stiffness, damping, physical, told, method="pspm", counted=True, **driver):
+    def __init__(self, rate, stiffness, damping, physical, told, method="pspm", counted=True, axes=1, **driver):
         self.period, self.physical, self.told = 1.0 / rate, physical, told
-        body = device(physical, COUNTS, axes=1, stamp_error=told / rate if counted else 0.0)
+        body = device(physical, COUNTS, axes=axes, stamp_error=told / rate if counted else 0.0)
         gains = {"coupling__stiffness": stiffness, "coupling__damping": damping, "servo__rate": rate}
         driver = values("haptic_driver", **{"exchange__method": method} | gains | driver)
         self.settings = controller_config.settings_from(body, driver)
@@ -126,9 +126,16 @@ def test_windows_of_the_estimator_last_as_long_as_their_ends_allow():
         assert found == pytest.approx(velocity)
 
 
-def test_a_tank_in_debt_holds_the_dampers_of_coupling_and_walls_until_it_is_paid():
-    wall = {"wall__normals": (1.0, 0.0), "wall__offsets": (0.0,), "wall__stiffness": (100.0,), "wall__damping": (0.5,)}
-    led = Led(1000.0, 100.0, 1.0, 3.0, 0.0, **wall)
+def test_an_error_that_only_the_description_tells_counts_in_each_tick():
+    system = wall_system(500.0, 0.0)
+    system.settings["hardware"]["stamp_error"] = 1e-4
+    assert (system.run(0.01).stamp_error == 1e5).all()
+
+
+@pytest.mark.parametrize("axes, offset", [(1, 0.0), (2, 0.0), (1, -0.1)])  # in the wall, beside a still axis, off it
+def test_a_tank_in_debt_holds_the_dampers_of_coupling_and_walls_until_it_is_paid(axes, offset):
+    wall = {"wall__offsets": (offset,), "wall__stiffness": (100.0,), "wall__damping": (0.5,)}
+    led = Led(1000.0, 100.0, 1.0, 3.0, 0.0, axes=axes, wall__normals=(1.0, 0.0), **wall)
     now = led.memory["in_force"][0]
     led.go(-1e-3, 0.0)
     assert (now["coupling"]["damping"][0], now["wall"]["damping"][0]) == (1.0, 0.5)

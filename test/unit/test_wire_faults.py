@@ -9,6 +9,7 @@ from lockstep_link import AT_ONCE
 from wire_faults import DEVICE, HOST, NUMBERS, Wire
 
 from haptic_device.control import faults
+from haptic_device.nodes.bridge import clock_trouble
 from haptic_device.nodes.fault_detail import LatchedFault
 
 AFTER = 60_000_000  # [ns] for which the motors stay at zero
@@ -30,4 +31,6 @@ def test_a_fault_of_the_wire_leaves_no_torque_after_its_time_and_has_one_sentenc
     latched.add(wire.trace(), wire.settings[0])
     assert faults.name_of(wire.fault) == row.fault
     assert re.fullmatch(NUMBERS.get(row.fault, ""), latched.sentence(wire.fault))
+    told = clock_trouble(wire.codec.state, wire.now)
+    assert told.startswith("the device's ") if row.fault == "device_clock" else told == ""
     wire.close()

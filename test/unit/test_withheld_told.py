@@ -30,7 +30,8 @@ class Node:
         gain_check.counted(self._settings, lateness)
         self.margins, self.lateness = gain_check.margins(self._settings[0], lateness)[1:], lambda: 0.0
         ring = SimpleNamespace(dropped=0)
-        self.servo = SimpleNamespace(running=True, realtime="no", ring=ring, control=np.zeros(64))
+        link = SimpleNamespace(watchdog=float)
+        self.servo = SimpleNamespace(running=True, realtime="no", ring=ring, control=np.zeros(64), link=link)
         self.exchange = SimpleNamespace(sent=1, answered=1, contact_sets=0, refusals=lambda: refused or {})
         self.exchange.refused_contacts, self.exchange.round_trips = dict, lambda: np.zeros(2)
         self.telemetry = Telemetry(self, self.servo, self.device, self.values, self.clock.stamp)
