@@ -12,9 +12,9 @@ haptic_sim/supervision/conformance.py checks any against this text.
   x, y, theta, measured damper force of x, y, theta [N | N m], half-width of what is not known of the time [ns]. Counts
   change with the time only.
 * status: sum of 2, the watchdog has cut the motor; 4, the e-stop button is pressed; 8, too hot, the motor is cut; 16,
-  an end switch is reached; 32, an encoder is broken by the device's own check, the motor is cut; 64, its clock cannot
-  be followed; 128, the last motor value was clamped. Other bits count for nothing; 1 is the servo's own (control/faults:
-  FRESH).
+  an end switch is reached; 32, an encoder is broken by the device's own check, the motor is cut; 64, the device's clock
+  cannot be followed; 128, the last motor value was clamped. Other bits count for nothing; 1 is the servo's own
+  (control/faults: FRESH).
 * write(memory, written, next_deadline, period, engaged, motor) → 0. motor (3) in motor units, held until the next
   write; the device zeroes it by itself when writes stop.
 """
