@@ -137,7 +137,8 @@ def _sample(state, data, now, answer):
     answers, late = frame.get_u32(data, frame.ANSWERS), sampled - deadline
     if not 0 <= late <= OLDEST or not _plain(state, data):
         return False
-    if step := _clock_was_set(state, sampled, now):
+    step = _clock_was_set(state, sampled, now)
+    if step != 0:
         answer[codec.STATUS] = codec.CLOCK
         state[codec.CLOCK_STEPPED], state[codec.CLOCK_STEPPED_AT] = step, now
     if answers != 0:
