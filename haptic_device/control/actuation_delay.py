@@ -17,43 +17,10 @@ def was_written(settings, hold, sensors):
 
 
 @kernel
-def acted(hold, sent, i, motion, now, elapsed):
-    """Of a force on axis i over the hold that ends now [ns]: its mean, Σ (f − mean)² τ of its changes, and by how much
-    another the mean may be where the times of the samples are not sure; then the sum is the most it can be.
+def acted(hold, sent, i, now, elapsed):
+    """Of a force on axis i over the hold that ends now [ns]: its mean, and Σ (f − mean)² τ of its changes.
 
     sent: hold.written, the motor's force, or hold.coupling_written, what of it is the coupling's.
-
-    A hold that began earlier by u₁ has more of the force f₁ there, one that ended later by u₂ more of f₂: its mean is
-    another by (|f₁ − f̄| u₁ + |f₂ − f̄| u₂)/(T − u₁ − u₂) at most, and never beyond the forces that acted.
-    """
-    mean, square = _mean(hold, sent, i, now, elapsed)
-    if motion.unsure == 0.0:
-        return mean, square, 0.0
-    after, least = motion.sample_error * 1e-9, elapsed - motion.unsure
-    before = motion.unsure - after
-    first = _farthest(hold, sent, i, mean, now - elapsed * 1e9, before * 1e9)
-    last = _farthest(hold, sent, i, mean, now, after * 1e9)
-    square += first * first * before + last * last * after
-    off = (first * before + last * after) / least if least > 0.0 else math.inf
-    return mean, square, min(off, max(first, last))
-
-
-@njit
-def _farthest(hold, sent, i, mean, at, error):
-    """By how much a force that acts within `error` of this time [ns] is at most another than the mean."""
-    most, place, end = 0.0, int(hold.newest), at + error
-    for _ in range(HELD):
-        if hold.acts[place] < end:
-            most, end = max(most, abs(sent[place, i] - mean)), hold.acts[place]
-        if end <= at - error:
-            break
-        place = (place - 1) % HELD
-    return most
-
-
-@njit
-def _mean(hold, sent, i, now, elapsed):
-    """The mean, and Σ (f − mean)² τ, by the times as they are told.
 
     Summed as differences from the newest force, so that a force which stays is itself and has not changed.
     """
@@ -73,6 +40,35 @@ def _mean(hold, sent, i, now, elapsed):
         return newest, 0.0
     # rounding may leave it below 0
     return newest + change / elapsed, max(0.0, square - change * change / elapsed)
+
+
+@kernel
+def unsure(hold, sent, i, motion, now, elapsed, mean):
+    """What may be added to both where the times of the samples are not sure: by how much another the mean may be, and
+    to Σ (f − mean)² τ.
+
+    A hold that began earlier by u₁ has more of the force f₁ there, one that ended later by u₂ more of f₂: its mean is
+    another by (|f₁ − f̄| u₁ + |f₂ − f̄| u₂)/(T − u₁ − u₂) at most, and never beyond the forces that acted.
+    """
+    after, least = motion.sample_error * 1e-9, elapsed - motion.unsure
+    before = motion.unsure - after
+    first = _farthest(hold, sent, i, mean, now - elapsed * 1e9, before * 1e9)
+    last = _farthest(hold, sent, i, mean, now, after * 1e9)
+    off = (first * before + last * after) / least if least > 0.0 else math.inf
+    return min(off, max(first, last)), first * first * before + last * last * after
+
+
+@njit
+def _farthest(hold, sent, i, mean, at, error):
+    """By how much a force that acts within `error` of this time [ns] is at most another than the mean."""
+    most, place, end = 0.0, int(hold.newest), at + error
+    for _ in range(HELD):
+        if hold.acts[place] < end:
+            most, end = max(most, abs(sent[place, i] - mean)), hold.acts[place]
+        if end <= at - error:
+            break
+        place = (place - 1) % HELD
+    return most
 
 
 @kernel

@@ -100,11 +100,14 @@ def _count_given(settings, tank, hold, motion, now, time, cut):
         return
     for i in range(int(settings.axes)):
         way = _sure_way(settings, tank, motion, i)
-        mean, square, off = actuation_delay.acted(hold, hold.coupling_written, i, motion, now, time)
+        mean, square = actuation_delay.acted(hold, hold.coupling_written, i, now, time)
         longest = time + motion.unsure
+        if motion.unsure > 0.0:
+            off, more = actuation_delay.unsure(hold, hold.coupling_written, i, motion, now, time, mean)
+            square, tank.given = square + more, tank.given + off * abs(way)
         if cut:  # Σ (f − f̄)² τ is most where half of the time had no force
             square += 0.25 * mean * mean * longest
-        tank.given += (max(0.0, mean * way) if cut else mean * way) + off * abs(way)
+        tank.given += max(0.0, mean * way) if cut else mean * way
         tank.given += passivity.energy_spread(square, tank.own[i], settings.hardware.velocity_limit[i], longest)
 
 
@@ -235,10 +238,12 @@ def _charge_long_hold(settings, tank, spring, hold, motion, now, time):
     for i in range(int(settings.axes)):
         damping, fastest = settings.hardware.damping[i], settings.hardware.velocity_limit[i]
         left = (1.0 - hold.cancelling) * damping if settings.wall.count == 0.0 else 0.0
-        mean, spread, off = actuation_delay.acted(hold, hold.written, i, motion, now, time)
+        mean, spread = actuation_delay.acted(hold, hold.written, i, now, time)
         # what acted late is not what the ticks of this hold commanded
         gained = max(0.0, (mean - hold.force[i]) * motion.moved[i] - hold.change[i] * motion.moved[i] / time)
-        gained += off * abs(motion.moved[i])
+        if motion.unsure > 0.0:
+            off, more = actuation_delay.unsure(hold, hold.written, i, motion, now, time, mean)
+            gained, spread = gained + off * abs(motion.moved[i]), spread + more
         gained += _spring_gained(settings, tank, spring, motion, i)
         gained += _damper_gained(settings, spring, hold, i, settings.hardware.scale[i] * motion.moved[i], longest)
         tank.level -= max(0.0, gained - left * motion.moved[i] ** 2 / longest)

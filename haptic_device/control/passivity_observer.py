@@ -37,12 +37,15 @@ def hold_ended(settings, observer, hold, motion, spring, walls, enable, sensors)
     walls_grown = _wall_growth(settings, observer, hold, motion, walls, enable.ramp)
     actuation_delay.keep_ways(hold, motion)
     for i in range(int(settings.axes)):
-        mean, spread, off = actuation_delay.acted(hold, hold.written, i, motion, motion.sample_time, elapsed)
+        mean, spread = actuation_delay.acted(hold, hold.written, i, motion.sample_time, elapsed)
         moved, damping, store = motion.moved[i], settings.hardware.damping[i], observer.store[i]
         lifted = enable.ramp * settings.hardware.gravity[i]  # compensation only carries the handle's weight
         fastest = settings.hardware.velocity_limit[i]
         given = passivity.energy_booked(mean - lifted, moved, damping, longest)
-        unknown = off * abs(moved)
+        unknown = 0.0
+        if motion.unsure > 0.0:
+            off, more = actuation_delay.unsure(hold, hold.written, i, motion, motion.sample_time, elapsed, mean)
+            unknown, spread = off * abs(moved), spread + more
         observer.energy_given[i] += given + passivity.energy_spread(spread, damping, fastest, longest) + unknown
         observer.store[i] = passivity.damping_store(observer.damper[i], moved, longest)
         observer.store[i] += actuation_delay.late_store(settings, observer, hold, i)

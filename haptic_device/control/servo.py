@@ -48,7 +48,8 @@ def tick(wished, state, tick):
     passivity_observer.inject(settings, observer, motion, walls, output)
     # whether it may be
     faults.watch(settings, fault, enable, motion, sensors)
-    near = output.exchange_fade == 0.0 or exchange_controller.tool_is_near(settings, tool, output.position)
+    near = enable.state != enable_state.WAITING or output.exchange_fade == 0.0
+    near = near or exchange_controller.tool_is_near(settings, tool, output.position)
     enable_state.advance(settings, enable, fault, motion, sensors, near, output)
     bumpless_transfer.pay_for_rise(settings, state, output)
     motor.command(settings, enable, fault, hold, output)

@@ -140,7 +140,8 @@ def _sample(state, data, now, answer):
     step = _clock_was_set(state, sampled, now)
     if step != 0:
         answer[codec.STATUS] = codec.CLOCK
-        state[codec.CLOCK_STEPPED], state[codec.CLOCK_STEPPED_AT] = step, now
+        if now - state[codec.CLOCK_STEPPED_AT] > OLDEST:  # else the answers may have told it better
+            state[codec.CLOCK_STEPPED], state[codec.CLOCK_STEPPED_AT] = step, now
     if answers != 0:
         at = s.asked(state, answers)
         if at == s.NOBODY or state[at + s.HOST_DEADLINE] == 0 or state[at + s.DEVICE_DEADLINE] != deadline:
@@ -178,7 +179,7 @@ def _clock_was_set(state, sampled, now):
     fit = s.fit_of(state)
     ahead = clock_fit.to_host(fit, sampled) - now
     felt = ahead > clock_fit.error(fit, now) + np.int64(clock_fit.STEP_FELT)
-    return ahead if felt else min(0, sampled - state[s.SAMPLED])
+    return ahead if felt or sampled < state[s.SAMPLED] else 0
 
 
 @njit

@@ -42,10 +42,13 @@ def ready(**told):
 
 
 def refuses(host, data, now):
-    """Whether the host counts this as refused, tells nothing of it, and is otherwise as it was before."""
+    """Whether the host counts this as refused, tells nothing of it, and is otherwise as it was before, but for what it
+    proves of the device's clock."""
     before = host.state.copy()
     before[codec.REFUSED] += 1
-    return host.hear(data, now) is None and (host.state == before).all()
+    nothing, proved = host.hear(data, now) is None, [codec.CLOCK_STEPPED, codec.CLOCK_STEPPED_AT]
+    before[proved] = host.state[proved]
+    return nothing and (host.state == before).all()
 
 
 def asked(host, device, now):
