@@ -35,8 +35,9 @@ LOOP = "(trap 'echo told >told; exit 130' INT; echo up; while true; do sleep 0.0
 
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_each_block_of_the_page_does_what_the_page_says(page, ros_domain, tmp_path):
-    tutorials.run(page.read_text(encoding="utf-8"), tmp_path, ros_domain)
+def test_each_block_of_the_page_does_what_the_page_says(page, ros_domain, tmp_path, last_lines):
+    late = tutorials.run(page.read_text(encoding="utf-8"), tmp_path, ros_domain)
+    last_lines += [f"{page.name}, line {line}, is not judged: {said}" for line, said in late]
 
 
 @pytest.fixture
@@ -51,6 +52,26 @@ def test_a_page_that_is_true_passes(run, page):
 
 @pytest.mark.parametrize("page, sentence", WRONG.values(), ids=WRONG.keys())
 def test_a_page_that_is_not_true_is_refused_with_its_line(run, page, sentence):
+    with pytest.raises(AssertionError, match=sentence):
+        run(page)
+
+
+DEMO = "```sh\nhaptic() {{ echo '{}: 9 of 12 came'; return 1; }}\nhaptic demo --out a\n```\n```text\ntask done\n```\n"
+LATE = "the machine was late"
+
+
+def test_a_demo_that_says_that_the_machine_was_late_is_not_judged_and_told(run):
+    assert run(DEMO.format(LATE)) == [(2, f"{LATE}: 9 of 12 came")]
+
+
+@pytest.mark.parametrize(
+    ("page", "sentence"),
+    [
+        (DEMO.format("not done"), "line 3: haptic demo --out a ended with 1"),
+        (f"{DEMO.format(LATE)}```sh\nfalse\n```\n", "line 9: false ended with 1"),
+    ],
+)
+def test_another_demo_and_the_rest_of_the_page_are(run, page, sentence):
     with pytest.raises(AssertionError, match=sentence):
         run(page)
 
