@@ -12,6 +12,7 @@ from urllib.parse import unquote, urldefrag, urlsplit
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 
+pytestmark = pytest.mark.timeout(600)  # a hundred pages
 ROOT = Path(__file__).parents[2]
 COLOURED = ("index.html", "theory/passivity.html", "reference/cli.html", "reference/api/theory.html")
 EMPTY = {"config": {"fields": {}, "lang": ["en"], "separator": " ", "pipeline": []}, "docs": []}  # index of the search
