@@ -56,22 +56,28 @@ def test_a_page_that_is_not_true_is_refused_with_its_line(run, page, sentence):
         run(page)
 
 
-DEMO = "```sh\nhaptic() {{ echo '{}: 9 of 12 came'; return 1; }}\nhaptic demo --out a\n```\n```text\ntask done\n```\n"
-LATE = "the machine was late"
+UNANSWERED, BLAME = (
+    "not done because 9 of 12 handle samples were answered, and 11 are the least",
+    "the machine was late: 9 of 12",
+)
+DEMO = "```sh\nhaptic() {{ printf '{}\\n'; return 1; }}\nhaptic demo --out a\n```\n```text\ntask done\n```\n"
+LATE = DEMO.format(f"{UNANSWERED}\\n{BLAME}")
 
 
-def test_a_demo_that_says_that_the_machine_was_late_is_not_judged_and_told(run):
-    assert run(DEMO.format(LATE)) == [(2, f"{LATE}: 9 of 12 came")]
+def test_a_demo_whose_samples_a_late_machine_left_unanswered_is_told_and_not_judged(run):
+    assert run(LATE) == [(2, BLAME)]
 
 
 @pytest.mark.parametrize(
     ("page", "sentence"),
     [
-        (DEMO.format("not done"), "line 3: haptic demo --out a ended with 1"),
-        (f"{DEMO.format(LATE)}```sh\nfalse\n```\n", "line 9: false ended with 1"),
+        (DEMO.format(UNANSWERED), "line 3: haptic demo --out a ended with 1"),
+        (DEMO.format(f"not done because of a fault\\n{BLAME}"), "line 3: haptic demo --out a ended with 1"),
+        (f"{LATE}```sh\nfalse\n```\n", "line 9: false ended with 1"),
     ],
+    ids=("nobody to blame", "a fault beside it", "the rest of the page"),
 )
-def test_another_demo_and_the_rest_of_the_page_are(run, page, sentence):
+def test_all_else_is_judged(run, page, sentence):
     with pytest.raises(AssertionError, match=sentence):
         run(page)
 
