@@ -46,14 +46,14 @@ class DriverDiagnostics:
         return self._node.telemetry.latched.sentence(int(row.fault)) if row.fault else ""
 
     def _status(self, row):
-        """(level, message), the worst first."""
+        """(level, message): the fault, or the state, and behind it what a person should know."""
         node = self._node
         if row.fault:
             return "error", f"fault {faults.name_of(row.fault)}"
         if not node.servo.running:
             return "warn", "no device: waiting for its page"
-        warnings = "; ".join(self._warnings(row))
-        return ("warn", warnings) if warnings else ("ok", enable_state.STATES[int(row.state)])
+        warnings = list(self._warnings(row))
+        return "warn" if warnings else "ok", "; ".join([enable_state.STATES[int(row.state)], *warnings])
 
     def _warnings(self, row):
         """Sentences, what the hand feels first."""

@@ -206,7 +206,7 @@ def test_scenes_methods_and_a_delay_are_chosen_an_impossible_one_is_refused_and_
     tab.until(turned, before=lambda: tab.page.keyboard.press("ArrowUp"))
     delay(tab, 25)
     tab.until("Number(/age p50 . p99([0-9.]+)/.exec(document.getElementById('figures').textContent)?.[1]) > 15")
-    for value, differs in (("900", "true"), ("1200", "false")):
+    for value, differs in (("300", "true"), ("400", "false")):
         stiffness.fill(value)
         stiffness.press("Enter")
         tab.page.focus("#scene")

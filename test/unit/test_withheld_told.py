@@ -68,7 +68,7 @@ def test_a_cause_is_told_once_it_has_lasted_with_its_word_and_cure_and_no_longer
         node = Node()
         assert node.run(LASTS - 0.01, withheld=cause.bit)[:2] == ("ok", "engaged")
         level, message, told = node.run(0.02, withheld=cause.bit)
-        assert level == "warn" and message.startswith(f"force withheld for 0.2 s ({cause.name}): {cause.cause}; ")
+        assert level == "warn" and message.startswith(f"engaged; force withheld for 0.2 s ({cause.name}): {cause.cause}; ")
         assert message.endswith(cause.cure) and (told["withheld"], told["withheld_s"]) == (cause.name, "0.2")
         level, message, told = node.run(0.05)
         assert (level, message, told["withheld"], told["withheld_s"]) == ("ok", "engaged", "", "0.0")
@@ -97,11 +97,11 @@ def test_a_servo_without_a_device_withholds_nothing():
     assert node.said[1].startswith("no device") and node.said[2]["withheld"] == ""
 
 
-def test_a_margin_that_is_not_positive_is_said_beside_what_it_withholds():
+def test_a_margin_that_is_not_positive_is_said_behind_the_state_and_what_it_withholds():
     stiff = {"coupling__stiffness": 2000.0, "coupling__damping": 1.0, "coupling__rotational_stiffness": 0.0}
     level, message, _ = Node(lateness=5e-3, **stiff).run(0.3, withheld=withheld.TANK)
-    assert level == "warn" and message.startswith("force withheld for 0.3 s (tank): ")
+    assert level == "warn" and message.startswith("engaged; force withheld for 0.3 s (tank): ")
     assert "; the passivity margin is not positive: forces act 5 ms late (99 % of the writes within 5 ms" in message
     stiff["coupling__stiffness"] = 60000.0
     _, message, _ = Node(lateness=1e-4, **stiff).run(0.3)
-    assert message.startswith("the passivity margin is not positive: coupling.stiffness 60000 N/m with")
+    assert message.startswith("engaged; the passivity margin is not positive: coupling.stiffness 60000 N/m with")
