@@ -8,7 +8,6 @@ import waiting
 from handle_samples import HOME, MS, handle
 from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
-from rclpy.experimental import EventsExecutor
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 from waiting import LIMIT
@@ -17,7 +16,7 @@ from haptic_device.control import exchange_samples
 from haptic_device.message_fields import AXES, exchange_names, truth_names
 from haptic_device.nodes import messages
 from haptic_device.parameters import DRIVER
-from haptic_device.recording.layouts import JointLayout
+from haptic_device.recording.layouts import DIAGNOSTICS, JOINTS, JointLayout
 from haptic_sim import client
 from haptic_sim.service_requests import (
     Question,
@@ -33,27 +32,41 @@ SIMULATION, LOAD = "haptic_simulation", "haptic_simulation/load_scene"
 ONCE_MORE = 3.0  # [s] after which a service is asked again that has answered before
 
 
-class Served:
-    """A node whose callbacks are served while it waits, and beside it a client that asks services."""
+class Listener:
+    """A node that hears topics and asks services while it waits."""
 
-    def __init__(self, domain, name, namespace="/haptic"):
-        self.context = Context()
+    def __init__(self, domain, name, namespace="/haptic", parameters=False):
+        self.context, self._heard = Context(), {}
         rclpy.init(context=self.context, domain_id=domain)
-        self.node = rclpy.create_node(name, namespace=namespace, context=self.context)
-        self._executor = EventsExecutor(context=self.context)
-        self._executor.add_node(self.node)
-        asks = {"namespace": namespace, "context": self.context, "start_parameter_services": False}
-        self.client = client.Client(rclpy.create_node(f"{name}_asks", **asks))
+        given = {"namespace": namespace, "context": self.context, "start_parameter_services": parameters}
+        self.node = rclpy.create_node(name, **given)
+        self.client = client.Client(self.node)
 
     def close(self):
-        self._executor.shutdown()
-        self.client.node.destroy_node()
         self.node.destroy_node()
         rclpy.shutdown(context=self.context)
 
+    def hear(self, topic, note, qos, kind=JOINTS, raw=False):
+        """note() takes each message of this topic; what `forget` ends."""
+        heard = self.client.subscribe(topic, kind, qos, raw)
+        self._heard[heard] = note
+        return heard
+
+    def forget(self, heard):
+        del self._heard[heard]
+        heard.close()
+
     def look(self, seconds=0.01):
-        """Serves what has come, or comes in this time."""
-        self._executor.spin_once(timeout_sec=seconds)
+        """Hears what has come, or comes in this time."""
+        end = time.monotonic() + seconds
+        while not self._take() and time.monotonic() < end:
+            time.sleep(0.001)
+
+    def _take(self):
+        taken = [(note, sample) for heard, note in self._heard.items() for sample in heard.take()]
+        for note, sample in taken:
+            note(sample.message)
+        return taken
 
     def last(self):
         """What is said of a wait that was in vain."""
@@ -111,7 +124,7 @@ class Served:
         assert asking.answer is None or (asking.answer.success and self.state(node) == wanted)
 
 
-class Ear(Served):
+class Ear(Listener):
     """Keeps what the nodes of a namespace say, asks the driver, and leads the hand."""
 
     def __init__(self, domain, namespace="/haptic", axes=3):
@@ -119,23 +132,21 @@ class Ear(Served):
         self.truths, self.handles, self.said, self.alone = [], [], {}, {}
         self.axes, self.namespace = axes, namespace
         self._handles = None
-        self._hear("operator/state", JointLayout(truth_names(axes)), self.truths, messages.STREAM)
-        self.node.create_subscription(messages.DiagnosticArray, "/diagnostics", self._note, 50)
+        self._keep("operator/state", JointLayout(truth_names(axes)), self.truths, messages.STREAM)
+        self.hear("/diagnostics", self._note, 50, DIAGNOSTICS)
         self.tool = self.node.create_publisher(messages.JointState, "tool", messages.LATEST)
         self.target = self.node.create_publisher(messages.JointState, "operator/target", messages.LATEST)
 
-    def _hear(self, topic, layout, kept, qos):
-        return self.node.create_subscription(
-            messages.JointState, topic, lambda data: kept.append(layout.unpack(data)), qos, raw=True
-        )
+    def _keep(self, topic, layout, kept, qos):
+        return self.hear(topic, lambda data: kept.append(layout.unpack(data)), qos, raw=True)
 
     def hear_handles(self, wanted=True):
         """Keeps handle samples from now on, or no more; they are many."""
         if wanted:
             layout = JointLayout(exchange_names(self.axes))
-            self._handles = self._hear("handle", layout, self.handles, messages.LATEST)
+            self._handles = self._keep("handle", layout, self.handles, messages.STREAM)
         else:
-            self.node.destroy_subscription(self._handles)
+            self.forget(self._handles)
 
     def _note(self, array):
         for status in array.status:
@@ -225,7 +236,7 @@ class Ear(Served):
         self.until(there, f"the hand wants to be at {position}")
 
 
-class Peer(Served):
+class Peer(Listener):
     """A device side in this process: sends handle samples, keeps what comes back; `said` [(message, values)]."""
 
     def __init__(self, domain):
@@ -233,13 +244,12 @@ class Peer(Served):
         self.tools, self.said, self.sequence = [], [], 0
         self.handle = self.node.create_publisher(messages.JointState, "handle", messages.LATEST)
         self.layout = JointLayout(exchange_names(3))
-        self._tool = self.node.create_subscription(messages.JointState, "tool", self._take, messages.LATEST, raw=True)
-        self.node.create_subscription(messages.DiagnosticArray, "/diagnostics", self._hear, 10)
+        self._tool = self.hear(
+            "tool", lambda data: self.tools.append(self.layout.unpack(data)), messages.STREAM, raw=True
+        )
+        self.hear("/diagnostics", self._note, 50, DIAGNOSTICS)
 
-    def _take(self, data):
-        self.tools.append(self.layout.unpack(data))
-
-    def _hear(self, array):
+    def _note(self, array):
         self.said += [
             (status.message, {entry.key: entry.value for entry in status.values})
             for status in array.status
@@ -284,7 +294,7 @@ class Peer(Served):
     def lead(self, position=HOME, times=1, step=1):
         """Sends samples one by one, each until it is answered or, lost or in a silence, the next has to be sent: with
         more and more patience, so that also on a slow machine none is left to be answered later."""
-        self.until(lambda: self.handle.get_subscription_count() and self._tool.get_publisher_count(), "a simulation")
+        self.until(lambda: self.handle.get_subscription_count() and self._tool.matched, "a simulation")
         for _ in range(times):
             self._lead_once(position, step)
         return self.tools[-1]

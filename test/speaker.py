@@ -6,7 +6,8 @@ import time
 import numpy as np
 import yaml
 from bag_of_a_run import joints
-from ear import Served
+from ear import Listener
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
@@ -18,16 +19,21 @@ PROBE = -1.0  # x of the messages sent until the recorder is there
 STIFFNESS = "coupling.stiffness"
 
 
-class Speaker(Served):
+class Speaker(Listener):
     """Publishes numbered samples, and does so until the bag on the disk has them."""
 
     def __init__(self, ros_domain):
-        super().__init__(ros_domain, "publisher")
-        self._publishers = {}
+        super().__init__(ros_domain, "publisher", parameters=True)
+        self._publishers, self._executor = {}, SingleThreadedExecutor(context=self.context)
+        self._executor.add_node(self.node)
         self.node.declare_parameter(STIFFNESS, 750.0)
 
     def look(self, seconds=0.05):  # a bag is read in that time
-        super().look(seconds)
+        self._executor.spin_once(timeout_sec=seconds)
+
+    def close(self):
+        self._executor.shutdown()
+        super().close()
 
     def begin(self, topic, qos=BEST_EFFORT):
         self._publishers[topic] = self.node.create_publisher(JointState, topic, qos)

@@ -64,7 +64,7 @@ def test_handle_encoder_and_motor_of_one_tick_bear_the_same_stamp(display):
         def note(data):
             stamps.add(layout.unpack(data).stamp_ns)
 
-        return display.node.create_subscription(messages.JointState, topic, note, messages.STREAM, raw=True)
+        return display.hear(topic, note, messages.STREAM, raw=True)
 
     listening = [hear(topic, stamps) for topic, stamps in heard.items()]
     display.hear_handles()
@@ -73,7 +73,7 @@ def test_handle_encoder_and_motor_of_one_tick_bear_the_same_stamp(display):
     )
     display.hear_handles(False)
     for one in listening:
-        display.node.destroy_subscription(one)
+        display.forget(one)
 
 
 def test_a_second_driver_and_a_second_device_are_refused_and_the_first_go_on(display, start):

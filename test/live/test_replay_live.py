@@ -5,9 +5,8 @@ import contextlib
 
 import numpy as np
 import pytest
-from ear import Served
+from ear import Listener
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import JointState
 from waiting import until
 
 from haptic_sim.replay.recorded_operator import PlayedTarget
@@ -20,9 +19,9 @@ COUNT = 300
 def test_live_a_listener_hears_samples_of_the_recorded_target(ros_domain):
     ways = np.linspace(0.0, [0.03, -0.02, 0.5], COUNT)
     short, heard = PlayedTarget(np.arange(COUNT) * 1_000_000, ways), []
-    with contextlib.closing(Served(ros_domain, "listener", "/played")) as listener:
+    with contextlib.closing(Listener(ros_domain, "listener", "/played")) as listener:
         deep = QoSProfile(depth=5000, reliability=ReliabilityPolicy.BEST_EFFORT)
-        listener.node.create_subscription(JointState, "operator/target", heard.append, deep)
+        listener.hear("operator/target", heard.append, deep)
 
         def play_and_look():  # again and again: nobody says when the listener has learnt of who plays
             assert operator_publisher.play(short, AXES, SCALE, "/played") == COUNT

@@ -11,6 +11,7 @@ import pytest
 from live_nodes import DISPLAY
 
 from haptic_device.nodes import messages
+from haptic_device.recording.layouts import CLOUD
 
 pytestmark = pytest.mark.realtime
 OUT, IN = 0.02, 0.005  # [m] of the hand; the wall's tool touches at 0.01
@@ -37,13 +38,8 @@ def carrying(nodes, ear):
     """While this is set, the sets of the simulation come to the driver."""
     carrying = threading.Event()
     publisher = ear.node.create_publisher(messages.PointCloud2, "local_contacts", messages.LATEST)
-    ear.node.create_subscription(
-        messages.PointCloud2,
-        "far_local_contacts",
-        lambda data: publisher.publish(data) if carrying.is_set() else None,
-        messages.LATEST,
-        raw=True,
-    )
+    carry = lambda data: publisher.publish(data) if carrying.is_set() else None  # noqa: E731
+    ear.hear("far_local_contacts", carry, messages.LATEST, CLOUD, raw=True)
     ear.go_to(OUT)
     nodes.start(
         "haptic_simulation", scene="wall", exchange__method="local", renamed=("local_contacts:=far_local_contacts",)

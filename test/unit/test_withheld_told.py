@@ -68,7 +68,8 @@ def test_a_cause_is_told_once_it_has_lasted_with_its_word_and_cure_and_no_longer
         node = Node()
         assert node.run(LASTS - 0.01, withheld=cause.bit)[:2] == ("ok", "engaged")
         level, message, told = node.run(0.02, withheld=cause.bit)
-        assert level == "warn" and message.startswith(f"engaged; force withheld for 0.2 s ({cause.name}): {cause.cause}; ")
+        assert level == "warn"
+        assert message.startswith(f"engaged; force withheld for 0.2 s ({cause.name}): {cause.cause}; ")
         assert message.endswith(cause.cure) and (told["withheld"], told["withheld_s"]) == (cause.name, "0.2")
         level, message, told = node.run(0.05)
         assert (level, message, told["withheld"], told["withheld_s"]) == ("ok", "engaged", "", "0.0")
