@@ -107,9 +107,9 @@ def _line(client: Client) -> str:
     if withheld := client.said("haptic_driver", "withheld"):
         parts.append(f"force withheld for {client.said('haptic_driver', 'withheld_s')} s: {withheld}")
     if math.isfinite(insertion):
-        parts.append(f"inserted {100 * insertion:.0f} %")
+        parts.append(f"inserted {100 * min(max(0.0, insertion), 1.0):.0f} %")
     if math.isfinite(age := 1e-3 * number(client.said("haptic_driver", "age_ms_p50"))):
         parts.append(f"tool known {amount(age, 's')} ago")
     if missed := client.said("haptic_driver", "missed"):
         parts.append(f"servo ticks missed: {missed}")
-    return ", ".join(parts)
+    return ", ".join(parts) or "nothing is heard of the nodes yet"

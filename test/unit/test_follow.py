@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """How `haptic demo` follows a run, on statuses and a motor that the test makes up."""
 
+import re
+
+from examples import few
+from hypothesis import given
+from hypothesis import strategies as st
 from made_up_clock import Clock
 
 from haptic_device.control.faults import TABLE
@@ -134,3 +139,19 @@ def test_a_motion_is_followed_to_its_end_while_the_device_goes_on_and_given_up_w
     ending, took = run(monkeypatch, begun[0], *long, seconds=None)
     assert ending.why.startswith(f"the motion did not begin, and no news for {news.LIMIT:.0f} s: ")
     assert not ending.begun and took < 1.1 * news.LIMIT
+
+
+def test_a_line_says_something_from_the_first_look_on(monkeypatch):
+    lines = []
+    run(monkeypatch, (1.0, has(truth={"time": (0.0, 0.0, 0.0)})), (2.0, COMMANDED), show=lines.append)
+    assert lines[0] == "nothing is heard of the nodes yet" and lines[-1] == "motor 0.00 N" and all(lines)
+
+
+@given(st.floats(-1e6, 1e6) | st.floats(-1e-3, 1e-3))
+@few(100)
+def test_a_share_that_is_inserted_is_told_from_nothing_to_the_whole(share):
+    """The peg is above its hole where its measure is below nothing, and rounding leaves -1e-17 of it."""
+    client = Run(Clock())
+    says("haptic_simulation", "", **{"result.insertion_fraction": str(share)})(client)
+    percent = int(re.fullmatch(r"inserted (\d+) %", follow._line(client))[1])
+    assert abs(percent - 100.0 * min(max(share, 0.0), 1.0)) <= 0.5
