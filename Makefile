@@ -32,6 +32,7 @@ help:
 	@echo "make clean   remove .venv and everything built"
 
 setup: $(READY)
+	$(if $(filter setup,$(MAKECMDGOALS)),@echo "next: . .venv/bin/activate; haptic demo --view")
 
 $(READY): setup.py setup.cfg constraints.txt
 	@if ! $(BIN)/python -c 'import pip' 2>/dev/null; then \

@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """`haptic compile`: kernels into the cache, so that no later start compiles any."""
 
-import contextlib
 import multiprocessing
 import os
 import signal
-import sys
 import time
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from typing import Annotated
@@ -14,10 +12,11 @@ import typer
 
 from haptic_device import jit
 from haptic_device.process import die_with_parent, say
+from haptic_sim.cli.progress import status_line
 from haptic_sim.cli.words import next_step
 
 TEXT = "compiling, once for this machine"
-EACH_SECOND = 1.0  # [s] between lines where there is no terminal
+LOOK, SELDOM = 1.0, 10.0  # [s] between looks at what is done, and between lines where there is no terminal
 
 
 def compile(entries: Annotated[list[str] | None, typer.Argument(help="Some only; all by default.")] = None) -> None:
@@ -33,31 +32,37 @@ def compile(entries: Annotated[list[str] | None, typer.Argument(help="Some only;
     if wrong:
         raise ValueError(f"not compiled: {'; '.join(wrong)}")
     typer.echo(f"{'all' if not entries else 'these'} kernels are compiled; they are kept in {jit.folder()}")
-    next_step("haptic demo --view")
+    if not entries and "MAKELEVEL" not in os.environ:  # else it is a step of something, which knows what is next
+        next_step("haptic demo --view")
 
 
 def _compile(names):
     """Sentences on those of these entries that could not be compiled."""
     if not names:
         return []
-    wrong, began, own = [], time.monotonic(), multiprocessing.get_context("spawn")
+    wrong, began, own = [], time.time(), multiprocessing.get_context("spawn")
     workers = min(len(names), len(os.sched_getaffinity(0)))
-    with _display(len(names)) as show, ProcessPoolExecutor(workers, own, _begin, (os.getpid(),)) as pool:
+    with status_line(SELDOM) as show, ProcessPoolExecutor(workers, own, _begin, (os.getpid(),)) as pool:
         try:
             names = {pool.submit(_entry, name): name for name in names}
             left = {*names}
             while left:
-                done, left = wait(left, EACH_SECOND, FIRST_COMPLETED)
+                done, left = wait(left, LOOK, FIRST_COMPLETED)
                 failed = [(names[one], error) for one in done if (error := one.exception())]
                 wrong += [f"{name} ({type(error).__name__}: {error})" for name, error in failed]
                 if good := [names[one] for one in done if not one.exception()]:
                     jit.record(good)
-                show(len(names) - len(left), time.monotonic() - began)
+                show(f"{TEXT}: {_kept(began)} kernels, {len(names) - len(left)} of {len(names)} groups")
         except BaseException:  # interrupted: at once, also in the middle of LLVM; the cache has whole files only
             for worker in multiprocessing.active_children():
                 worker.kill()
             raise
     return wrong
+
+
+def _kept(began):
+    """How many kernels numba has written since then: each, once compiled, is a file of its own."""
+    return sum(file.stat().st_mtime >= began for file in jit.folder().rglob("*.nbc"))
 
 
 def _begin(parent):
@@ -70,18 +75,3 @@ def _entry(name):
     from haptic_sim.kernels import ENTRIES
 
     ENTRIES[name]()
-
-
-@contextlib.contextmanager
-def _display(count):
-    """show(done, seconds): on a terminal as a bar, elsewhere as a line a second."""
-    if not sys.stderr.isatty():
-        yield lambda done, seconds: say(f"{TEXT}: {done} of {count}, {seconds:.0f} s")
-        return
-    from rich import progress
-    from rich.console import Console
-
-    columns = TEXT, progress.BarColumn(), progress.MofNCompleteColumn(), progress.TimeElapsedColumn()
-    with progress.Progress(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task("", total=count)
-        yield lambda done, seconds: bar.update(task, completed=done)

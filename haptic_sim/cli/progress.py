@@ -40,8 +40,8 @@ def progress(total: int):
 
 
 @contextlib.contextmanager
-def status_line() -> Iterator[Callable[[str], None]]:
-    """On a terminal one line that is kept up to date; elsewhere a line a second."""
+def status_line(seldom: float = 1.0) -> Iterator[Callable[[str], None]]:
+    """On a terminal one line that is kept up to date; elsewhere a line, and the next after so many seconds."""
     from rich.console import Console
     from rich.live import Live
     from rich.text import Text
@@ -49,9 +49,9 @@ def status_line() -> Iterator[Callable[[str], None]]:
     began, last = time.monotonic(), -math.inf
     console = Console(stderr=True)
 
-    def print_each_second(line: str) -> None:
+    def print_seldom(line: str) -> None:
         nonlocal last
-        if time.monotonic() - last >= 1.0:
+        if time.monotonic() - last >= seldom:
             last = time.monotonic()
             say(stamped(line))
 
@@ -59,7 +59,7 @@ def status_line() -> Iterator[Callable[[str], None]]:
         return f"{time.monotonic() - began:6.1f} s   {line}"
 
     if not console.is_terminal:
-        yield print_each_second
+        yield print_seldom
         return
     with Live(console=console, auto_refresh=False) as display:
         yield lambda line: display.update(Text(stamped(line)), refresh=True)

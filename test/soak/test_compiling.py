@@ -67,7 +67,7 @@ def compiling(cache_home):
 
 def test_two_that_ask_for_the_same_at_once_have_it_compiled_once(tmp_path):
     said = [ended(process)[1] for process in [asking(tmp_path, SMALL) for _ in range(2)]]
-    assert sum("1 of 1" in text for text in said) == 1, said
+    assert sum("compiling, once" in text for text in said) == 1, said
     assert ended(asking(tmp_path, SMALL)) == ("", "")
 
 
@@ -138,7 +138,7 @@ def test_an_edited_law_is_compiled_anew_and_an_old_one_is_never_run(tmp_path):
 def test_who_needs_kernels_that_are_not_there_has_them_compiled_in_sight_and_the_next_finds_them(tmp_path):
     (tmp_path / "haptic_device").mkdir()  # in the current folder lies another package of this name
     (tmp_path / "haptic_device/__init__.py").write_text("raise ImportError('the wrong package')\n")
-    assert "compiling, once for this machine: 1 of 1" in ended(asking(tmp_path / "cache", SMALL, cwd=tmp_path))[1]
+    assert "compiling, once for this machine: " in ended(asking(tmp_path / "cache", SMALL, cwd=tmp_path))[1]
     assert ended(asking(tmp_path / "cache", SMALL, cwd=tmp_path)) == ("", "")
 
 
@@ -171,5 +171,5 @@ def test_a_damaged_file_of_the_cache_is_said_in_one_line_and_compiled_anew(compi
     """
     first, *progress = ended(running(ask, cache))[1].splitlines()
     assert first == f"{file}, of the compiled kernels, is damaged; it is compiled anew"
-    assert progress and all(line.startswith("compiling, once for this machine") for line in progress)
+    assert progress and all("compiling, once for this machine: " in line for line in progress)
     assert ended(running(ask, cache)) == ("", "")
