@@ -42,6 +42,7 @@ def demo(
     seconds: Annotated[float | None, number("--seconds", "s", 0.5, 3600.0, help=_SECONDS)] = None,
     out: Annotated[Path | None, typer.Option(help="New folder of the run [haptic_runs/SCENE-TIME].")] = None,
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output, no table.")] = False,
+    everything: Annotated[bool, typer.Option("--all", help="Print every figure, not only the main ones.")] = False,
     exchange: Annotated[str | None, typer.Option(help=_EXCHANGE, autocompletion=exchange_method)] = None,
     rate: Annotated[float | None, number("--rate", "Hz", 500.0, 10000.0, help="Servo rate [Hz].")] = None,
     params: Annotated[str, typer.Option(help=_PARAMS, autocompletion=shipped(""))] = "demo",
@@ -60,7 +61,7 @@ def demo(
             order = _order(scene, seconds, out, exchange, rate, params, device)
             relay = Relay(delay * 1e-3, jitter * 1e-3, loss)
             order = order._replace(relay=relay if any(relay) else None)
-            done = _view(order, host, port) if view else run(order, started, json)
+            done = _view(order, host, port) if view else run(order, started, json, everything)
     except KeyboardInterrupt:
         say(f"haptic demo: interrupted; all nodes have ended{_kept(order)}")
         os._exit(INTERRUPTED)  # an interrupt that struck inside exec() would otherwise end python by SIGINT
@@ -84,7 +85,7 @@ def _view(order, host, port):
     return done
 
 
-def run(order: Order, started: float, as_json: bool) -> bool:
+def run(order: Order, started: float, as_json: bool, everything: bool = False) -> bool:
     """Runs the order, reports, and says whether the job was done."""
     programs, unended, found, wrong = programs_of(order), "", {}, []
     try:
@@ -92,7 +93,7 @@ def run(order: Order, started: float, as_json: bool) -> bool:
         found = _evaluate(order, started)
     except (NodeDiedError, ValueError, OSError) as error:
         wrong.append(in_words(error))
-    return _conclude(order, found, unended, wrong, as_json)
+    return _conclude(order, found, unended, wrong, as_json, everything)
 
 
 def _order(scene, seconds, out, exchange, rate, params, device) -> Order:
@@ -224,7 +225,7 @@ def _say_next(order: Order, found: dict) -> None:
     next_step(f"haptic report {shown_path(found['bag'])}" if shows else f"read {shown_path(order.out / 'log')}")
 
 
-def _conclude(order: Order, found: dict, unended: str, wrong: list[str], as_json: bool) -> bool:
+def _conclude(order: Order, found: dict, unended: str, wrong: list[str], as_json: bool, everything: bool) -> bool:
     from haptic_sim.cli.tables import print_outcome
     from haptic_sim.outcome import ANSWERED, not_done, nothing, task_of
     from haptic_sim.scene.language import load
@@ -242,6 +243,6 @@ def _conclude(order: Order, found: dict, unended: str, wrong: list[str], as_json
     if as_json:
         print(json_text.dumps(found))
     else:
-        print_outcome(found)
+        print_outcome(found, everything)
         _say_next(order, found)
     return not why

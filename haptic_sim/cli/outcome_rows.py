@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of a run in words, as `haptic demo` shows them."""
+"""What came of a run in words, as `haptic demo` shows it."""
 
 from collections.abc import Iterator
 from typing import Any
 
 from haptic_device.control.withheld import TABLE
-from haptic_device.digits import amount
+from haptic_device.digits import amount, plain
 from haptic_device.withheld_time import SHORT
 
 FIGURES = {  # key: (words, scale to the unit, unit)
@@ -44,18 +44,40 @@ FIGURES = {  # key: (words, scale to the unit, unit)
     **{f"withheld_s {each.name}": (f"force withheld: {each.cause}", 1.0, "s") for each in TABLE},
     "withheld_s tool_port": (f"force withheld: {SHORT}", 1.0, "s"),
 }
-LEFT_OUT = ("scene", "done", "why", "exchange cause", "late", "bag", "report", "result", "result_greatest")
+FIRST = (  # what a reader wants first, in this order
+    "contact max_on_hand_n",
+    "contact max_force_n",
+    "energy_j given_to_operator_max",
+    "servo rate_hz",
+    "servo missed",
+    "servo lateness_us p50",
+    "servo lateness_us p99",
+    "exchange sent",
+    "exchange answered",
+    "startup_s",
+)
+ANSWER = ("scene", "done", "why", "task", "result", "result_greatest", "faults")
+LEFT_OUT = (*ANSWER, "exchange cause", "late", "bag", "report")
+SHARE = 3  # decimals of a measure; the rest is rounding
 
 
-def rows(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """(words, value with unit) of each figure of `haptic demo --json`, in its order, without sentences; what the scene
-    measures comes last. Of a run that left no figures there is none."""
-    for key, value in _flat(found):
-        words, scale, unit = FIGURES.get(key, (key.replace("_", " "), 1, ""))
-        yield words, _text(value, scale, unit)
+def answer(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """(words, value) of the scene's task, what the scene measures, and the faults."""
+    if found["task"]:
+        yield "task", found["task"]
     for name, last in found["result"].items():
-        greatest = found["result_greatest"].get(name, last)
-        yield name.replace("_", " "), f"last {amount(last, '')}, greatest {amount(greatest, '')}"
+        told = (plain(round(each, SHARE)) for each in (last, found["result_greatest"].get(name, last)))
+        yield name.replace("_", " "), "last {}, greatest {}".format(*told)
+    yield "faults", ", ".join(found["faults"]) or "none"
+
+
+def rows(found: dict[str, Any], everything: bool = True) -> Iterator[tuple[str, str]]:
+    """(words, value with unit) of each figure of `haptic demo --json` that is none of the answer, in its order, without
+    sentences; or of those that a reader wants first. Of a run that left no figures all is its length."""
+    values = dict(_flat(found))
+    for key in values if everything else filter(values.__contains__, FIRST):
+        words, scale, unit = FIGURES.get(key, (key.replace("_", " "), 1, ""))
+        yield words, _text(values[key], scale, unit)
 
 
 def _flat(found, prefix=""):
@@ -70,8 +92,6 @@ def _flat(found, prefix=""):
 
 
 def _text(value, scale, unit) -> str:
-    if isinstance(value, list):
-        return ", ".join(value) or "none"
     if isinstance(value, int | float):
         return amount(value * scale, unit)
     return "unknown" if value is None else str(value)

@@ -13,19 +13,22 @@ from haptic_device.analysis.report.run import Run
 from haptic_device.digits import amount, plain, with_error
 from haptic_device.process import say
 from haptic_device.status import number
-from haptic_sim.cli.outcome_rows import rows
+from haptic_sim.cli.outcome_rows import answer, rows
 from haptic_sim.cli.words import console, print_sentence
 
 
-def print_outcome(found: dict) -> None:
-    """Prints the figures as a table on standard output, and why the job was not done; without figures neither."""
+def print_outcome(found: dict, everything: bool = False) -> None:
+    """Prints the answer and the first figures, or all, as a table on standard output, and why the job was not done;
+    without figures neither."""
     title = f"{found['scene']}: {'done' if found['done'] else 'NOT done'}"
     if found["done"] and (found.get("task") or "done") != "done":
         title = f"{found['scene']}: the run is complete, the task is not done"
     if found["exchange"]:
-        table = Table("figure", "value", title=Text(title))
-        for words, value in rows(found):
-            table.add_row(Text(words), Text(value))
+        table = Table(title=Text(title), show_header=False)
+        for some in (answer(found), rows(found, everything)):
+            for words, value in some:
+                table.add_row(Text(words), Text(value))
+            table.add_section()
         console().print(table)
         if found["why"]:
             print_sentence(f"not done because {found['why']}")

@@ -3,12 +3,15 @@
 
 import re
 
+from examples import few
+from hypothesis import given
+from hypothesis import strategies as st
 from in_process import haptic
 
 from haptic_device.config_files import find
 from haptic_device.control.withheld import TABLE
 from haptic_device.withheld_time import SHORT
-from haptic_sim.cli import outcome_rows, tables
+from haptic_sim.cli import demo, outcome_rows, tables
 from haptic_sim.cli.words import next_step, shown_path
 from haptic_sim.outcome import nothing
 
@@ -43,6 +46,7 @@ RUN = {
     "residual": {"rms_n": 0.1234, "explained_by_age_n": 0.1, "unexplained_n": 0.01},
     "result": {"insertion_fraction": 0.98765},
     "result_greatest": {"insertion_fraction": 0.99},
+    "task": "done",
     "faults": [],
     "bag": "/somewhere/bag",
     "report": "/somewhere/report.png",
@@ -55,9 +59,8 @@ def test_the_figures_of_a_run_are_words_with_units_and_no_keys():
     assert said["servo rate"] == "4000 Hz" and said["servo lateness, largest"] == "1.23 ms"
     assert said["handle samples answered"] == "12344" and said["age of the tool sample, median"] == "1.5 ms"
     assert said["energy given to the hand, largest"] == "2 mJ" and said["deepest overlap"] == "978 nm"
-    assert said["energy given to the tool, at the end"] == "unknown" and said["faults"] == "none"
+    assert said["energy given to the tool, at the end"] == "unknown"
     assert said["why this method"].startswith("several contacts")
-    assert said["insertion fraction"] == "last 0.988, greatest 0.99"
     assert all(said[f"force withheld: {each.cause}"] == "3.2 s" for each in TABLE)
     assert said[f"force withheld: {SHORT}"] == "700 ms"
     assert not any("_" in words for words in said)
@@ -66,16 +69,51 @@ def test_the_figures_of_a_run_are_words_with_units_and_no_keys():
 def test_a_run_that_left_no_figures_has_no_table(capsys):
     tables.print_outcome(nothing() | {"scene": "wall", "done": False, "why": "the motor never moved", "bag": None})
     assert capsys.readouterr().out.splitlines() == ["wall: NOT done", "bag     none", "report  none"]
-    assert dict(outcome_rows.rows(nothing() | {"faults": ["estop"]})) == {
-        "length of the run": "0 s",
-        "faults": "estop",
-    }
+    assert dict(outcome_rows.rows(nothing())) == {"length of the run": "0 s"}
+
+
+def test_the_answer_is_the_task_then_what_the_scene_measures_and_the_faults():
+    told = [("task", "done"), ("insertion fraction", "last 0.988, greatest 0.99"), ("faults", "none")]
+    assert [*outcome_rows.answer(RUN)] == told
+    assert [*outcome_rows.answer(nothing() | {"faults": ["estop", "velocity"]})] == [("faults", "estop, velocity")]
+
+
+@given(st.floats(-2.0, 2.0))
+@few(100)
+def test_a_measure_has_three_decimals_a_true_minus_and_what_is_below_them_is_nothing(value):
+    shown = dict(outcome_rows.answer(RUN | {"result": {"way": value}, "result_greatest": {}}))["way"]
+    assert re.fullmatch(r"last (−?\d(?:\.\d{1,3})?), greatest \1", shown)
+    assert (shown == "last 0, greatest 0") == (abs(round(value, 3)) == 0.0)
+
+
+def printed(capsys, everything):
+    """Rows of the outcome, without frames; a line between them is a row of one."""
+    tables.print_outcome(RUN, everything)
+    return [tuple(re.split(" +│ +", line.strip("│ "))) for line in capsys.readouterr().out.splitlines()]
+
+
+def test_the_answer_and_ten_figures_of_all_are_what_a_screen_shows_first(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    answer, rows = [*outcome_rows.answer(RUN)], [*outcome_rows.rows(RUN, everything=False)]
+    title, top, *told, middle = printed(capsys, everything=True)[:6]
+    assert title == ("peg_in_hole: done",) and told == answer
+    first = printed(capsys, everything=False)
+    assert [len(row) for row in first] == [1, 1, 2, 2, 2, 1, *[2] * 10, 1, 1, 1] and len(first) < 20
+    assert first[2:5] == answer and first[6:16] == rows and {*rows} < {*outcome_rows.rows(RUN)}
+
+
+def test_all_figures_are_asked_for_by_name(monkeypatch, tmp_path):
+    asked = []
+    monkeypatch.setattr(demo, "run", lambda order, started, json, everything: not asked.append((json, everything)))
+    for k, words in enumerate(((), ("--all",), ("--all", "--json"))):
+        assert haptic("demo", "--out", tmp_path / str(k), *words).returncode == 0
+    assert asked == [(False, False), (False, True), (True, True)]
 
 
 def test_no_table_is_wider_than_eighty_columns(capsys, monkeypatch, tmp_path):
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.chdir(tmp_path)
-    tables.print_outcome(RUN)
+    tables.print_outcome(RUN, everything=True)
     assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
     for words in (
         "scenes",
