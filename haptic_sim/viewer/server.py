@@ -3,11 +3,13 @@
 
 import asyncio
 import errno
+import logging
 import os
 import socket
 from pathlib import Path
 
 from aiohttp import web
+from aiohttp.http_exceptions import HttpProcessingError
 
 from haptic_device.os_errors import in_words
 from haptic_sim.viewer.guard import ALONE, HEADERS, Guard, is_loopback, reachable
@@ -49,7 +51,9 @@ class Server:
         app.router.add_get("/{token}/recordings/{file}", self._recording)
         app.router.add_post("/{token}/operating_point.yaml", self._take_operating_point)
         app.router.add_get("/{token}/{name:[^/]*}", self._file)
-        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, keepalive_timeout=HANDSHAKE)
+        given = {"access_log": None, "logger": logging.getLogger(__name__)}
+        given["logger"].addFilter(_worth_a_line)
+        self._runner = web.AppRunner(app, shutdown_timeout=1.0, keepalive_timeout=HANDSHAKE, **given)
         await self._runner.setup()
         self._limit = ConnectionLimit(self._runner.server)
         asked = self._port
@@ -205,6 +209,16 @@ class _Entrance(asyncio.Protocol):
 
     def connection_made(self, transport):
         self._limit.admit(transport)
+
+
+def _worth_a_line(record):
+    """Of what goes wrong with a request one sentence is logged, no traceback; of a browser that goes away or asks for
+    what is no request nothing is."""
+    error, record.exc_info = (record.exc_info or (None, None))[1], None
+    if error is not None:
+        said = str(error).partition("\n")[0]
+        record.msg, record.args = f"haptic_viewer: a request failed: {type(error).__name__}: {said}", ()
+    return not isinstance(error, ConnectionError | HttpProcessingError) and str(error) != "Transport is closing"
 
 
 def _token(request):

@@ -365,6 +365,32 @@ def test_a_connection_that_asks_for_nothing_is_closed_and_an_open_page_stays(mon
     assert served(visit)[0]["done"]
 
 
+def test_who_goes_away_or_sends_rubbish_is_worth_no_line_and_an_error_of_the_server_one_sentence(caplog):
+    async def save():
+        raise KeyError("no such\nnode")
+
+    async def visit(server, http):
+        address = server.address(True)
+        head = ASKED.format(path="/" + address.split("/", 3)[3] + "{}")
+        upgrade = f"Origin: {address.rsplit('/', 2)[0]}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        upgrade += f"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: {'A' * 22}==\r\n\r\n"
+        host = f"Host: {address.split('/')[2]}"
+        asked = (head.format("socket").replace("Host: 127.0.0.1", host) + upgrade, head.format("main.js") + "\r\n")
+        for said in (*asked * 20, *[head.format("")] * 60):
+            _, writer = await knocked(server, said.encode())
+            await writer.drain()
+            writer.transport.abort()
+            await asyncio.sleep(0.0)
+        for said in (f"GET /{'a' * 200_000} HTTP/1.1\r\n", "x" * 200_000, head.format("") + f"A: {'a' * 200_000}"):
+            await turned_away((await knocked(server, said.encode()))[0])
+        async with http.get(f"{address}operating_point.yaml") as broken:
+            return broken.status
+
+    assert served(visit, save=save)[0] == 500
+    assert caplog.messages == [r"haptic_viewer: a request failed: KeyError: 'no such\nnode'"]
+    assert not any(record.exc_info for record in caplog.records)
+
+
 def test_an_address_has_so_many_connections_at_most_and_one_that_goes_makes_room():
     async def visit(server, http):
         async with opened(http, server) as page:
