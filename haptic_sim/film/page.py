@@ -29,7 +29,7 @@ def page_of(films: list[Film]) -> str:
     """The text of film.html, of one film, or of two."""
     style = "\n".join([*_THEMES.findall(_text("style.css")), _text("film.css")])
     script = "".join(_modules("film.js", set()))
-    shown = [film.scene.name if film.scene else film.name for film in films]
+    shown = [_title(film) for film in films]
     parts = {
         "policy": "default-src 'none'; img-src data:; base-uri 'none'; form-action 'none'; "
         f"script-src {_digest(script)}; style-src {_digest(style)}",
@@ -40,6 +40,12 @@ def page_of(films: list[Film]) -> str:
     return text.replace("<style></style>", f"<style>{style}</style>").replace(
         "<script></script>", f"<script>{script}</script>"
     )
+
+
+def _title(film: Film) -> str:
+    """Of the scene's task, else the name of the scene, else that of the recording."""
+    scene = film.scene
+    return scene.task["title"] if scene and scene.task else scene.name if scene else film.name
 
 
 def _modules(name: str, done: set[str]) -> Iterator[str]:
@@ -75,7 +81,7 @@ def _content(film: Film) -> dict[str, Any]:
     steps = np.array([UNITS["length"], UNITS["length"], UNITS["angle"]])
     return {
         "name": film.name,
-        "scene": asdict(film.scene) if film.scene else None,
+        "scene": asdict(film.scene) | {"sprung": film.sprung} if film.scene else None,
         "date": film.date,
         "facts": film.facts,
         "notes": film.notes,

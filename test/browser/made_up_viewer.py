@@ -90,7 +90,8 @@ class MadeUpViewer:
         tool, bodies = list(scene.tool.pose), [list(body.pose) for body in scene.bodies]
         at = {"handle": tool, "target": tool, "tool": tool, "bodies": bodies, "results": [0.0] * len(scene.measure)}
         self._frame = FRAME | at | changed
-        self.tell("scene", asdict(drawing_of(scene)))
+        sprung = [joint.spring(0.0)[0] > 0.0 for joint in scene.joints]
+        self.tell("scene", asdict(drawing_of(scene)) | {"sprung": sprung})
 
     def close(self):
         """No page is served any more."""

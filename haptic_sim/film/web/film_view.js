@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The plane of the live page with the first recording, and the second as broken outlines on top.
 
-import { path, placed } from "./pen.js";
-import { SceneView } from "./scene.js";
+import { outline } from "./pen.js";
+import { SceneView, together } from "./scene.js";
 
 export class FilmView extends SceneView {
   constructor(canvas, recordings) {
@@ -10,9 +10,7 @@ export class FilmView extends SceneView {
     [this.first, this.second] = recordings;
     this.setScene(this.first.scene);
     this.setSurroundings(this.first.walls, null);
-    const rooms = recordings.map((one) => one.room);
-    this.plane.room = [0, 1, 2, 3].map((side) => (side < 2 ? Math.min : Math.max)(...rooms.map((room) => room[side])));
-    this.stale = true;
+    this.look(together(recordings.map((one) => one.room)));
   }
 
   recolour() {
@@ -39,26 +37,10 @@ export class FilmView extends SceneView {
     context.setLineDash([6 * ratio, 4 * ratio]);
     (this.second.scene?.solids ?? []).forEach((solid, i) => {
       const pose = i ? frame.bodies[i - 1] : frame.tool;
-      if (!solid.fixed && pose) this.outline(context, solid, pose);
+      if (!solid.fixed && pose) outline(context, this.plane, solid.outlines, pose);
     });
-    if (frame.handle) this.circle(context, frame.handle, 7 * ratio);
+    if (frame.handle) outline(context, this.plane, [[[[0, 0]], (7 * ratio) / this.plane.scale]], frame.handle);
     context.setLineDash([]);
     if (frame.handle) this.arrow(context, this.plane.toPixels(frame.handle), frame.felt ?? [0, 0], this.ghost);
-  }
-
-  outline(context, { outlines }, pose) {
-    for (const [vertices, radius] of outlines) {
-      if (radius > 0) this.circle(context, placed(vertices[0], pose), radius * this.plane.scale);
-      else {
-        path(context, vertices.map((corner) => this.plane.toPixels(placed(corner, pose))));
-        context.stroke();
-      }
-    }
-  }
-
-  circle(context, place, pixels) {
-    context.beginPath();
-    context.arc(...this.plane.toPixels(place), pixels, 0, 2 * Math.PI);
-    context.stroke();
   }
 }

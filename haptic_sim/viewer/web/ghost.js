@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The way that the scene suggests: a dashed line with an arrow, and the outline of the tool at its end.
 
-import { nearest, path, placed } from "./pen.js";
+import { grip, outline, path } from "./pen.js";
 
 const HEAD = 11; // CSS pixels of the arrow
 
@@ -17,28 +17,10 @@ export function paintWay(context, plane, { way, solids }, colour) {
   context.stroke();
   context.setLineDash([4 * ratio, 4 * ratio]);
   context.lineWidth = 1.5 * ratio;
-  paintTool(context, plane, solids[0].outlines, way.at(-1));
+  outline(context, plane, solids[0].outlines, way.at(-1));
+  grip(context, plane, solids[0].outlines, way.at(-1));
   context.setLineDash([]);
   paintHead(context, points, HEAD * ratio);
-}
-
-function paintTool(context, plane, outlines, pose) {
-  for (const [vertices, radius] of outlines) {
-    const corners = vertices.map((corner) => plane.toPixels(placed(corner, pose)));
-    if (radius > 0) {
-      context.beginPath();
-      context.arc(...corners[0], radius * plane.scale, 0, 2 * Math.PI);
-    } else {
-      path(context, corners);
-    }
-    context.stroke();
-  }
-  const grip = nearest(outlines);
-  if (!grip) return;
-  context.beginPath();
-  context.moveTo(...plane.toPixels(pose));
-  context.lineTo(...plane.toPixels(placed(grip, pose)));
-  context.stroke();
 }
 
 // At the end, along the last stretch that is long enough to have a direction.

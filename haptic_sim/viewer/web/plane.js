@@ -71,6 +71,15 @@ export class Plane {
     return [this.canvas.width / 2 + (x - cx) * this.scale, this.canvas.height / 2 + ((INSET.top - INSET.bottom) / 2) * this.ratio - (y - cy) * this.scale];
   }
 
+  // The pixels nearest to a place that are clear of axes and read-outs; null for one that is in view.
+  edge(place) {
+    const { width, height } = this.canvas;
+    const [x, y] = this.toPixels(place);
+    if (x >= 0 && x <= width && y >= 0 && y <= height) return null;
+    const within = (value, size, low, high) => Math.max(low * this.ratio, Math.min(size - high * this.ratio, value));
+    return [within(x, width, INSET.side, INSET.side), within(y, height, INSET.top, INSET.bottom)];
+  }
+
   drawAxes(context, colours) {
     const step = 1e-3 * niceStep((70 * this.ratio) / this.scale / 1e-3);
     const [cx, cy] = this.middle;

@@ -2,12 +2,13 @@
 // Draws the scene: what stands still is painted once on a layer of its own, what moves with every frame.
 
 import { paintWay } from "./ghost.js";
-import { line, nearest, path, placed, zigzag } from "./pen.js";
+import { grip, line, path, placed, spiral, trace, zigzag } from "./pen.js";
 import { Plane } from "./plane.js";
 import { colours } from "./theme.js";
 
 const PIXELS_PER_NEWTON = 6;
 const LONGEST_ARROW = 140;
+const AROUND = 0.01; // m that are seen around handle and tool
 const COLOURS = ["ground", "panel", "ink", "soft", "line", "grid", "handle", "tool", "fixed", "moving", "coupling",
   "force", "contact", "target"];
 
@@ -32,7 +33,8 @@ export class SceneView {
   setScene(scene) {
     this.scene = scene;
     this.lastTool = null;
-    this.fit();
+    if (scene) this.look(scene.room);
+    else this.fit();
   }
 
   setSurroundings(walls, workspace) {
@@ -45,10 +47,19 @@ export class SceneView {
     if (!this.scene) this.fit();
   }
 
+  // Shows scene, workspace, tool and handle, wherever they are.
   fit() {
-    const [x, y] = this.workspace || [];
-    if (this.scene) this.plane.room = this.scene.room;
-    else if (x) this.plane.room = [x[0], y ? y[0] : -0.05, x[1], y ? y[1] : 0.05];
+    const rooms = this.scene ? [this.scene.room] : [];
+    if (this.workspace) rooms.push([0, 1, 0, 1].map((axis, side) => (this.workspace[axis] ?? [-0.05, 0.05])[side < 2 ? 0 : 1]));
+    for (const at of [this.lastTool, this.frame?.handle]) {
+      if (at) rooms.push([at[0] - AROUND, at[1] - AROUND, at[0] + AROUND, at[1] + AROUND]);
+    }
+    this.look(together(rooms));
+  }
+
+  // Shows a part of the plane: left, bottom, right, top [m].
+  look(room) {
+    if (room) this.plane.room = room;
     this.plane.fit();
     this.stale = true;
   }
@@ -76,6 +87,7 @@ export class SceneView {
     for (const contact of frame.contacts) this.paintContact(context, contact);
     if (frame.target) this.paintTarget(context, frame.target);
     if (frame.handle) this.paintHandle(context, frame);
+    this.paintOutside(context, frame.handle);
   }
 
   // The last frame again, where the canvas or its colours have changed and no new one comes.
@@ -134,7 +146,9 @@ export class SceneView {
     bodies.forEach((solid, i) => {
       if (!solid.fixed && frame.bodies[i]) this.paintSolid(context, solid, frame.bodies[i], this.colours.moving, 0.9);
     });
-    this.paintGrip(context, tool, this.lastTool);
+    context.strokeStyle = this.colours.ink;
+    context.lineWidth = 2 * this.plane.ratio;
+    grip(context, this.plane, tool.outlines, this.lastTool);
     this.paintTool(context, tool, frame.tool ? this.unfelt : "simulation silent");
     this.paintJoints(context, frame);
   }
@@ -153,39 +167,17 @@ export class SceneView {
     context.fillText(unfelt, x + 16 * this.plane.ratio, y - 16 * this.plane.ratio);
   }
 
-  // From the tool's grip, where the coupling holds it, to its nearest shape, if it does not lie in one.
-  paintGrip(context, { outlines }, pose) {
-    const end = nearest(outlines);
-    if (!end) return;
-    context.strokeStyle = this.colours.ink;
-    context.lineWidth = 2 * this.plane.ratio;
-    line(context, ...this.plane.toPixels(pose), ...this.plane.toPixels(placed(end, pose)));
-  }
-
   paintSolid(context, solid, pose, colour, alpha) {
     context.globalAlpha = alpha;
     context.fillStyle = colour;
     context.strokeStyle = this.colours.ink;
     context.lineWidth = this.plane.ratio;
     for (const outline of solid.outlines) {
-      this.trace(context, outline, pose);
+      trace(context, this.plane, outline, pose);
       context.fill();
       context.stroke();
     }
     context.globalAlpha = 1;
-  }
-
-  trace(context, [vertices, radius], pose) {
-    const corners = vertices.map((corner) => this.plane.toPixels(placed(corner, pose)));
-    if (radius > 0) {
-      context.beginPath();
-      context.arc(...corners[0], radius * this.plane.scale, 0, 2 * Math.PI);
-      const [x, y] = vertices[0];
-      context.moveTo(...corners[0]);
-      context.lineTo(...this.plane.toPixels(placed([x + radius, y], pose)));
-    } else {
-      path(context, corners);
-    }
   }
 
   paintJoints(context, frame) {
@@ -193,15 +185,40 @@ export class SceneView {
     context.strokeStyle = this.colours.ink;
     context.fillStyle = this.colours.panel;
     context.lineWidth = 1.5 * this.plane.ratio;
-    for (const ends of this.scene.joints) {
+    for (const [i, ends] of this.scene.joints.entries()) {
       if (ends.some(({ solid }) => solid && !poses[solid])) continue;
       const [a, b] = ends.map(({ solid, point }) => this.plane.toPixels(solid ? placed(point, poses[solid]) : point));
-      if (ends[0].type === "spring") zigzag(context, a, b, 7 * this.plane.ratio);
-      context.beginPath();
-      if (ends[0].type === "pin") context.arc(...a, 4 * this.plane.ratio, 0, 2 * Math.PI);
-      else context.rect(a[0] - 4 * this.plane.ratio, a[1] - 4 * this.plane.ratio, 8 * this.plane.ratio, 8 * this.plane.ratio);
-      context.fill();
-      context.stroke();
+      const { type } = ends[0];
+      if (this.scene.sprung[i] && type === "pin") spiral(context, a, 14 * this.plane.ratio);
+      else if (this.scene.sprung[i] || type === "spring") zigzag(context, a, b, 7 * this.plane.ratio);
+      for (const at of type === "spring" ? [a, b] : [a]) this.paintAnchor(context, type, at);
+    }
+  }
+
+  // A ring for a pin, a square for a slider, a cross for a weld, a dot for either end of a spring.
+  paintAnchor(context, type, [x, y]) {
+    const r = (type === "spring" ? 2 : 4) * this.plane.ratio;
+    context.beginPath();
+    if (type === "slider") context.rect(x - r, y - r, 2 * r, 2 * r);
+    else if (type !== "weld") context.arc(x, y, r, 0, 2 * Math.PI);
+    else for (const side of [-r, r]) line(context, x - r, y - side, x + r, y + side);
+    context.fill();
+    context.stroke();
+  }
+
+  // An arrow at the edge to each of tool, handle and workspace that is out of view.
+  paintOutside(context, handle) {
+    const near = this.workspace && this.plane.middle.map((at, i) => Math.max(this.workspace[i]?.[0] ?? 0, Math.min(this.workspace[i]?.[1] ?? 0, at)));
+    const places = Object.entries({ tool: this.lastTool, handle, workspace: near }).filter(([, at]) => at && this.plane.edge(at));
+    this.canvas.dataset.outside = places.map(([name]) => name).join(" ");
+    context.font = `600 ${13 * this.plane.ratio}px system-ui, "DejaVu Sans", sans-serif`;
+    for (const [i, [name, place]] of places.entries()) {
+      const [[x, y], [px, py]] = [this.plane.edge(place), this.plane.toPixels(place)];
+      const way = Math.hypot(px - x, py - y);
+      this.arrow(context, [x, y], [(4 * (px - x)) / way, (4 * (y - py)) / way], this.colours[name] ?? this.colours.soft);
+      context.textAlign = px < x ? "left" : "right";
+      context.fillStyle = this.colours.ink;
+      context.fillText(name, x, y + (4 + 15 * i) * this.plane.ratio);
     }
   }
 
@@ -210,7 +227,7 @@ export class SceneView {
     context.strokeStyle = coupled ? this.colours.coupling : this.colours.soft;
     context.lineWidth = (coupled ? 3 : 1.5) * this.plane.ratio;
     if (!coupled) context.setLineDash([6 * this.plane.ratio, 6 * this.plane.ratio]);
-    zigzag(context, this.plane.toPixels(handle), this.plane.toPixels(tool), coupled ? 6 * this.plane.ratio : 0);
+    zigzag(context, this.plane.toPixels(handle), this.plane.toPixels(tool), coupled ? 10 * this.plane.ratio : 0);
     context.setLineDash([]);
   }
 
@@ -263,4 +280,9 @@ export class SceneView {
       [tx - ux * head + uy * head * 0.5, ty - uy * head - ux * head * 0.5]]);
     context.fill();
   }
+}
+
+// The least room around all of these; undefined for none.
+export function together(rooms) {
+  return rooms.length ? rooms[0].map((_, side) => (side < 2 ? Math.min : Math.max)(...rooms.map((room) => room[side]))) : undefined;
 }
