@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The plots below the plane: one span of time for all, one cursor through all. Of the second recording, the first curve.
 
+import { paintCurve, paintLegend, paintLevels, rangeOf, shortly } from "./chart.js";
 import { line } from "./pen.js";
 import { niceStep } from "./plane.js";
 
@@ -112,10 +113,12 @@ class Plot {
     context.fillRect(0, 0, this.still.width, this.still.height);
     const lines = this.lines(colour);
     const range = this.range(lines);
-    this.paintAxes(context, range, colour);
-    for (const one of lines) this.paintCurve(context, range, one);
+    paintLevels(context, this.box, range, colour("soft"), colour("line"));
+    this.paintTimes(context);
+    for (const one of lines) paintCurve(context, this.box, range, one.values.map((value, i) => [this.xOf(one.of.begin + i / one.of.rate), value]), one);
     this.paintMarks(context, colour("soft"));
-    this.paintLegend(context, lines, colour("soft"));
+    paintLegend(context, this.box, this.box.left, this.box.bottom + 24 * this.box.ratio, lines);
+    if (!lines.length) context.fillText("not recorded", this.box.left + 8 * this.box.ratio, this.box.top + 16 * this.box.ratio);
   }
 
   lines(colour) {
@@ -127,34 +130,15 @@ class Plot {
   }
 
   range(lines) {
-    let [low, high] = [0, this.least];
-    for (const { of, values } of lines) {
+    const shown = lines.flatMap(({ of, values }) => {
       const [from, to] = [this.plots.from, this.plots.to].map((time) => Math.round((time - of.begin) * of.rate));
-      for (const value of values.slice(Math.max(0, from), Math.max(0, to + 1))) {
-        if (value < low) low = value;
-        if (value > high) high = value;
-      }
-    }
-    const step = niceStep((high - low) / 4);
-    return { low: Math.floor(low / step) * step, high: Math.ceil(high / step) * step, step };
+      return values.slice(Math.max(0, from), Math.max(0, to + 1));
+    });
+    return rangeOf(shown, this.least, 4);
   }
 
-  yOf({ low, high }, value) {
-    return this.box.bottom - ((value - low) / (high - low)) * (this.box.bottom - this.box.top);
-  }
-
-  paintAxes(context, range, colour) {
-    const { left, right, top, bottom, ratio } = this.box;
-    context.font = `${11 * ratio}px system-ui, "DejaVu Sans", sans-serif`;
-    context.fillStyle = colour("soft");
-    context.strokeStyle = colour("line");
-    context.lineWidth = ratio;
-    context.textAlign = "right";
-    for (let value = range.low; value <= range.high + 1e-9; value += range.step) {
-      const y = this.yOf(range, value);
-      line(context, left, y, right, y);
-      context.fillText(shortly(value), left - 5 * ratio, y + 4 * ratio);
-    }
+  paintTimes(context) {
+    const { top, bottom, ratio } = this.box;
     const { from, to } = this.plots;
     const step = niceStep((to - from) / 8);
     context.textAlign = "center";
@@ -163,28 +147,6 @@ class Plot {
       line(context, x, top, x, bottom);
       context.fillText(`${shortly(time)} s`, x, bottom + 13 * ratio);
     }
-  }
-
-  paintCurve(context, range, { of, values, colour, dash }) {
-    const { left, right, top, bottom, ratio } = this.box;
-    context.save();
-    context.beginPath();
-    context.rect(left, top - 2 * ratio, right - left, bottom - top + 4 * ratio);
-    context.clip();
-    context.strokeStyle = colour;
-    context.lineWidth = 1.6 * ratio;
-    context.setLineDash(dash.map((pixels) => pixels * ratio));
-    context.beginPath();
-    let drawing = false;
-    values.forEach((value, i) => {
-      if (value === null) drawing = false;
-      else {
-        context[drawing ? "lineTo" : "moveTo"](this.xOf(of.begin + i / of.rate), this.yOf(range, value));
-        drawing = true;
-      }
-    });
-    context.stroke();
-    context.restore();
   }
 
   paintMarks(context, colour) {
@@ -197,23 +159,6 @@ class Plot {
   vertical(context, time) {
     const x = this.xOf(time);
     if (x >= this.box.left && x <= this.box.right) line(context, x, this.box.top, x, this.box.bottom);
-  }
-
-  paintLegend(context, lines, colour) {
-    const { left, bottom, ratio } = this.box;
-    let x = left;
-    context.textAlign = "left";
-    context.fillStyle = colour;
-    for (const one of lines) {
-      context.strokeStyle = one.colour;
-      context.lineWidth = 2 * ratio;
-      context.setLineDash(one.dash.map((pixels) => pixels * ratio));
-      line(context, x, bottom + 24 * ratio, x + 24 * ratio, bottom + 24 * ratio);
-      context.setLineDash([]);
-      context.fillText(one.label, x + 29 * ratio, bottom + 28 * ratio);
-      x += 48 * ratio + context.measureText(one.label).width;
-    }
-    if (!lines.length) context.fillText("not recorded", left + 8 * ratio, this.box.top + 16 * ratio);
   }
 
   show(time) {
@@ -229,8 +174,4 @@ class Plot {
     context.fillRect(from, this.box.top, to - from, this.box.bottom - this.box.top);
     context.globalAlpha = 1;
   }
-}
-
-function shortly(value) {
-  return String(Number(value.toPrecision(6))).replace("-", "−");
 }
