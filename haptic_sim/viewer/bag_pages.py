@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reports and replays of recordings, made by `haptic report` as a process of its own, one at a time, and kept."""
+"""Reports and films of recordings, made by `haptic report` as a process of its own, one at a time, and kept."""
 
 import asyncio
 import contextlib
@@ -10,7 +10,7 @@ from typing import NamedTuple
 from haptic_device.os_errors import in_words
 from haptic_device.process import ending_with_us, own_environment, running_module
 
-FILES = {"report.html": "report", "film.html": "replay", "film.gif": "GIF"}
+FILES = {"report.html": "report", "film.html": "film", "film.gif": "GIF"}
 SOON = 0.3  # s that are waited for before a page says that it is being made
 LONGEST = 600.0  # s
 MOST_WAITING = 4  # that are made or wait for it

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the page shows of recording: what the recorder does, the bags in its folder, and reports and replays of them."""
+"""What the page shows of recording: what the recorder does, the bags in its folder, and reports and films of them."""
 
 import asyncio
 import itertools
@@ -15,7 +15,7 @@ from haptic_sim.viewer.bag_pages import BagPages
 FOLDER = "haptic_bags"  # where a recorder without a name for its bag puts it
 SAYING = "recording to "  # begins what a recorder that records says
 MOST = 50  # bags that are listed, the newest
-TOGETHER = 2  # bags that one replay shows
+TOGETHER = 2  # bags that one film shows
 ABSENT, READY, STARTING, RECORDING, SAVING, SAVED = "no recorder", "ready", "starting", "recording", "saving", "saved"
 
 
@@ -94,7 +94,7 @@ class Recordings:
         self._tell()
 
     async def page(self, file: str, names: list[str]) -> Path | str:
-        """A report, replay or film of the bags of these names, or the text of a page that says that it is being made.
+        """A report, film or GIF of the bags of these names, or the text of a page that says that it is being made.
 
         Raises LookupError if there is no such bag or file, ValueError if it could not be made: one sentence.
         """

@@ -162,8 +162,8 @@ def test_what_cannot_be_made_is_said_in_a_sentence_and_tried_again(news, tmp_pat
         return await made(http, address), await got(http, address)
 
     (status, _, text), again = visited(news, visit)
-    assert status == 503 and text.startswith("the replay could not be made: ") and len(text.splitlines()) == 1
-    assert again[0] == 200 and "Making the replay" in again[2]
+    assert status == 503 and text.startswith("the film could not be made: ") and len(text.splitlines()) == 1
+    assert again[0] == 200 and "Making the film" in again[2]
 
 
 def of_pages(folder, run):
