@@ -165,11 +165,17 @@ def chromium():
         browser.close()
 
 
-class Tab:
-    """A page with what people look at, experts unless said otherwise; `complaints` is what it wrote to the console."""
+UNFOLDED = '{"walls": true, "tuning": true, "recording": true}'
 
-    def __init__(self, browser, width=1280, height=720, expert=True, **given):
+
+class Tab:
+    """A page with what people look at, experts with all panels open unless said otherwise; `complaints` is what it
+    wrote to the console."""
+
+    def __init__(self, browser, width=1280, height=720, expert=True, folded=False, **given):
         self.page = browser.new_page(viewport={"width": width, "height": height}, **given)
+        if not folded:
+            self.page.add_init_script(f"localStorage.folds ??= {UNFOLDED!r}")
         if expert:
             self.page.add_init_script("localStorage.layer ??= 'expert'")
         self.page.set_default_timeout(1e3 * PATIENCE)

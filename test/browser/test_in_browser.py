@@ -81,9 +81,9 @@ def test_a_mouse_that_is_let_go_leaves_no_force_with_hold_on_it_stays_and_under_
     tab.page.keyboard.press("h")
     gives_in(listener)
     pushing(tab, 15)
-    for scene in ("wrench_on_nut", "peg_in_hole"):
+    for scene, title in (("wrench_on_nut", "Turn the nut"), ("peg_in_hole", "Put the peg into its hole")):
         tab.page.select_option("#scene_name", scene)
-        tab.until_text("scene_answer", f"scene is {scene}")
+        tab.until_text("scene_answer", f"scene is {title}")
         tab.page.mouse.up()
         tab.until_text("state", "^engaged$|fault")
         assert tab.text("state") == "engaged" and apart(listener) < 5e-3
@@ -197,10 +197,10 @@ def delay(tab, milliseconds):
 
 def test_scenes_methods_and_a_delay_are_chosen_an_impossible_one_is_refused_and_a_restart_loses_nothing(tab):
     stiffness = tab.page.locator("#tuned_coupling_stiffness + input")
-    tab.choose("scene_name", "wrench_on_nut", "scene is wrench_on_nut")
+    tab.choose("scene_name", "wrench_on_nut", "scene is Turn the nut")
     tab.choose("method_name", "closed_form", "no closed form")
     assert "refused" in tab.page.get_attribute("#scene_answer", "class")
-    tab.choose("method_name", "impulse", "scene is wrench_on_nut")
+    tab.choose("method_name", "impulse", "scene is Turn the nut")
     tab.page.focus("#scene")
     turned = "Number(document.getElementById('result_turned').textContent) > 0.01"
     tab.until(turned, before=lambda: tab.page.keyboard.press("ArrowUp"))
@@ -214,6 +214,6 @@ def test_scenes_methods_and_a_delay_are_chosen_an_impossible_one_is_refused_and_
         delay(tab, 0)
         tab.until("document.getElementById('result_turned')")
         assert (tab.page.input_value("#scene_name"), stiffness.input_value()) == ("wrench_on_nut", value)
-    tab.choose("method_name", "auto", "scene is wrench_on_nut")
-    tab.choose("scene_name", "peg_in_hole", "scene is peg_in_hole")
+    tab.choose("method_name", "auto", "scene is Turn the nut")
+    tab.choose("scene_name", "peg_in_hole", "scene is Put the peg into its hole")
     assert tab.complaints == []

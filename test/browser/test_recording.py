@@ -26,7 +26,8 @@ NEWS = {"state": "ready", "seconds": 0.0, "bag": "", "name": "", "bags": BAGS}
 def films(tmp_path_factory):
     """Folders with a film of one recording, and of two: the second touches 0.1 s earlier, and is shorter."""
     folder = tmp_path_factory.mktemp("films")
-    scene = SCENE | {"name": HOSTILE}
+    joint = {"type": "pin", "bodies": ["world", "block"], "at": [0.03, 0.0], "stiffness": 1.0}
+    scene = SCENE | {"name": HOSTILE, "joints": [joint, joint | {"stiffness": 0.0}]}
     marks = [(1000, "here"), (4000, HOSTILE)]
     first = read_run(film_bag(folder / "first", rows_of(6000), scene, marks))
     second = read_run(film_bag(folder / "second", rows_of(4000, (1600, 2000)), scene))
@@ -71,7 +72,9 @@ def second_pixels(tab):
 
 def test_a_film_opens_from_a_file_is_played_scrubbed_and_zoomed_by_mouse_and_by_keyboard_alone(film):
     tab = film("one")
-    assert tab.page.title() == f"Replay: {HOSTILE}" and tab.page.query_selector("img") is None
+    assert tab.page.title() == f"Film: {HOSTILE}" and tab.page.query_selector("img") is None
+    content = "JSON.parse(document.getElementById('films').textContent)[0].scene"
+    assert tab.page.evaluate(f"{content}.sprung") == [True, False], "a joint's own spring is seen here too"
     for fact in ("recordingfirst", "methodimpulse", "length1.5 s", "exchange"):
         assert fact in tab.text("about")
     assert tab.page.evaluate("performance.getEntriesByType('resource').length") == 0, "nothing is fetched"
@@ -139,13 +142,13 @@ def test_the_panel_says_at_once_what_was_pressed_then_what_is_and_two_of_the_lis
     tab.until("/^recording$/.test(record_state.textContent) && /^1:0[2-9]$/.test(record_clock.textContent)")
     assert tab.text("record") == "Stop recording" and tab.page.get_attribute("#record", "aria-pressed") == "true"
     tab.page.click("#record")
-    assert tab.text("record_state") == "saving"
+    assert tab.text("record_state") == "saving" and tab.page.get_attribute("#record", "aria-pressed") == "false"
     viewer.tell("recordings", NEWS | {"state": "saved", "bag": "/somewhere/haptic_bags/two", "name": "two"})
     tab.until("!document.getElementById('saved').hidden")
     assert (tab.text("record_state"), tab.text("record_clock")) == ("saved", "")
     assert tab.page.input_value("#bag_path") == "/somewhere/haptic_bags/two"
     links = "all => all.map((a) => `${a.textContent} ${a.getAttribute('href')}`)"
-    files = ("Report recordings/report.html", "Replay recordings/film.html", "GIF recordings/film.gif")
+    files = ("Report recordings/report.html", "Film recordings/film.html", "GIF recordings/film.gif")
     assert tab.page.eval_on_selector_all("#saved_links a", links) == [f"{file}?bag=two" for file in files]
     viewer.tell("recordings", NEWS | {"state": "no recorder"})
     tab.until_text("record", "No recorder runs")
@@ -169,7 +172,7 @@ def test_the_panel_says_at_once_what_was_pressed_then_what_is_and_two_of_the_lis
     viewer.close()
 
 
-def test_a_run_is_recorded_marked_saved_and_its_report_and_replay_open(system, tab):
+def test_a_run_is_recorded_marked_saved_and_its_report_and_film_open(system, tab):
     tab.until("!document.getElementById('record').disabled")
     tab.page.click("#record")
     tab.until_text("record_state", "^recording$")
@@ -183,11 +186,11 @@ def test_a_run_is_recorded_marked_saved_and_its_report_and_replay_open(system, t
     bag = Path(tab.page.input_value("#bag_path"))
     assert bag.parent == Path(system.folder) / "haptic_bags" and (bag / "metadata.yaml").is_file()
     with tab.page.context.expect_page() as popup:
-        tab.page.click("#saved_links a >> text=Replay")
-    replay = popup.value
-    replay.wait_for_selector("#marks button", timeout=1e3 * PATIENCE)
-    assert bag.name in replay.text_content("#about") and "here" in replay.text_content("#marks")
-    replay.click("#play")
-    waiting.until(lambda: float(replay.input_value("#time")) > 0.1, "the replay plays", limit=PATIENCE)
-    replay.close()
+        tab.page.click("#saved_links a >> text=Film")
+    played = popup.value
+    played.wait_for_selector("#marks button", timeout=1e3 * PATIENCE)
+    assert bag.name in played.text_content("#about") and "here" in played.text_content("#marks")
+    played.click("#play")
+    waiting.until(lambda: float(played.input_value("#time")) > 0.1, "the film plays", limit=PATIENCE)
+    played.close()
     assert tab.complaints == []

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The task card, the chooser, the view: a real Chromium before a page whose news are made up."""
 
+import itertools
+from dataclasses import asdict
+
 import pytest
 from conftest import PATIENCE, Tab
 from made_up_viewer import HELLO, STATUS, VALUES, MadeUpViewer
@@ -34,12 +37,10 @@ def page(chromium, stage):
 
 
 def set_scene(page, stage, name, **frame):
+    task = load(name).task
+    title = task.title if task else name.replace("_", " ").capitalize()
     stage.show_scene(name, **frame)
-    page.until(f"document.getElementById('task_title').textContent === {(load(name).task or NONE).title!r}")
-
-
-class NONE:
-    title = "This scene"
+    page.until(f"document.getElementById('task_title').textContent === {title!r}")
 
 
 def guide(stage, **changes):
@@ -104,6 +105,9 @@ def test_the_chooser_has_the_tasks_first_by_their_titles_and_the_rest_as_test_ca
     rest = page.page.evaluate("[...document.querySelectorAll('#scene_name optgroup option')].map((one) => one.value)")
     assert first == WITH_TASKS and first[0] == "peg_in_hole" and sorted(first + rest) == sorted(names("scenes"))
     assert page.page.text_content("#scene_name > option") == load("peg_in_hole").task.title
+    assert "Free space" in page.page.text_content("#scene_name optgroup")
+    stage.tell("answer 1", {"to": {"do": "scene"}, "done": True, "sentence": "scene is wrench_on_nut"})
+    page.until_text("scene_answer", "^scene is Turn the nut$")
     for name in ("maze", "incline"):
         stage.tell("values", VALUES | {"values": {"haptic_simulation": {"scene": name, "method": "auto"}}})
         page.until(f"document.getElementById('scene_name').value === {name!r}")
@@ -171,6 +175,7 @@ def test_the_view_moves_with_the_right_button_shift_two_fingers_and_buttons_and_
     })""")
     assert planes == {"kept": True, "moved": True, "held": True}
     picture, (x, y) = "document.getElementById('scene').toDataURL()", page.middle()
+    page.page.click("#fit")
     page.page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
     page.page.evaluate(f"window.before = {picture}")
     touch = page.page.context.new_cdp_session(page.page)
@@ -203,7 +208,7 @@ def test_the_view_moves_with_the_right_button_shift_two_fingers_and_buttons_and_
     for act in (
         lambda: drag("right"),
         lambda: with_key("Shift", drag),
-        lambda: page.page.locator("[data-pan='0 1']").press("Enter"),
+        lambda: page.page.locator("#scene").press("Control+ArrowUp"),
         lambda: with_key("Control", lambda: page.page.mouse.wheel(0, -200)),
         two_fingers,
     ):
@@ -213,6 +218,87 @@ def test_the_view_moves_with_the_right_button_shift_two_fingers_and_buttons_and_
         page.page.click("#fit")
         page.until(f"{picture} === window.before")
     assert stage.asked == [], "the hand was not led"
+
+
+def test_fit_finds_tool_handle_and_workspace_wherever_they_are_and_what_is_out_of_view_is_pointed_to(page, stage):
+    out = "document.getElementById('scene').dataset.outside"
+    set_scene(page, stage, "free_space", tool=[0.9, 0.5, 0.0], handle=[-0.3, -0.9, 0.0])
+    page.until(f"{out} === 'tool handle'")
+    page.shot("outside")
+    page.page.click("#fit")
+    page.until(f"{out} === ''")
+    stage.show(tool=[0.0, 0.0, 0.0], handle=[0.01, 0.0, 0.0])
+    page.page.click("#fit")
+    for _ in range(4):
+        page.page.click("#zoom_in")
+    page.until(f"{out} === ''")
+    page.page.focus("#scene")
+    for _ in range(30):
+        page.page.keyboard.press("Control+ArrowRight")
+    page.until(f"{out} === 'tool handle'")
+    page.page.click("#fit")
+
+
+COLOURED = """(colour) => {  // how many pixels of the plane have the colour
+    const canvas = document.getElementById("scene");
+    const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+    let count = 0;
+    for (let i = 0; i < data.length; i += 4) if (`rgb(${data.slice(i, i + 3).join(", ")})` === colour) count += 1;
+    return count;
+}"""
+ANCHOR = """(type) => import("./scene.js").then(({ SceneView }) => {  // what is called of a canvas
+    const called = [];
+    const context = new Proxy({}, { get: (_, name) => () => called.push(name) });
+    SceneView.prototype.paintAnchor.call({ plane: { ratio: 1 } }, context, type, [0, 0]);
+    return called.filter((name) => ["arc", "rect", "lineTo"].includes(name)).join();
+})"""
+
+
+def test_springs_are_seen_the_couplings_at_any_zoom_and_a_joints_own_and_only_a_slider_has_a_square(page, stage):
+    set_scene(page, stage, "ratchet", handle=[0.034, 0.003, 0.0])
+    page.page.evaluate("document.documentElement.dataset.theme = 'light'")
+    for button, times in (("#zoom_out", 0), ("#zoom_out", 4), ("#zoom_in", 6)):
+        for _ in range(times):
+            page.page.click(button)
+        page.page.wait_for_timeout(300)
+        assert page.page.evaluate(COLOURED, "rgb(0, 158, 115)") > 4, "the coupling's green"
+    page.page.click("#fit")
+    picture = "document.getElementById('scene').toDataURL()"
+    page.page.evaluate(f"window.before = {picture}")
+    drawing = asdict(drawing_of(load("ratchet")))
+    stage.tell("scene", drawing | {"sprung": [False] * 3})
+    page.page.click("#fit")
+    page.until(f"{picture} !== window.before")
+    marks = {type: page.page.evaluate(ANCHOR, type) for type in ("pin", "slider", "weld", "spring")}
+    assert marks == {"pin": "arc", "slider": "rect", "weld": "lineTo,lineTo", "spring": "arc"}
+
+
+def test_charts_stand_still_and_show_a_shorter_time_until_they_go_on(page, stage):
+    set_scene(page, stage, "peg_in_hole")
+    chart, newton = "document.getElementById('strip_force').toDataURL()", itertools.count(1)
+
+    def moves():
+        page.page.evaluate(f"window.before = {chart}")
+        stage.show_drawn(page, force=[float(next(newton)), 0.0, 0.0])
+        page.page.wait_for_timeout(700)  # several pictures of a chart
+        return page.page.evaluate(f"{chart} !== window.before")
+
+    assert moves()
+    page.page.click("#pause")
+    page.page.wait_for_timeout(300)
+    assert not moves()
+    for act in (
+        lambda: page.page.click("#closer"),
+        lambda: (page.page.hover("#strip_force"), page.page.mouse.wheel(0, -200)),
+        lambda: page.page.click("#wider"),
+    ):
+        page.page.evaluate(f"window.before = {chart}")
+        act()
+        page.until(f"{chart} !== window.before")
+    page.shot("charts_paused")
+    assert not moves()
+    page.page.click("#pause")
+    assert moves()
 
 
 def test_the_card_has_no_serious_findings_in_light_and_dark(page, stage):

@@ -98,6 +98,15 @@ def put(tab, name, value):
     tab.page.press(field(name), "Enter")
 
 
+def in_view(tab, place):
+    """Whether all of an element is on the screen, and nothing over it."""
+    return tab.page.evaluate(f"""(() => {{
+        const one = document.querySelector({place!r});
+        const {{ left, top, bottom }} = one.getBoundingClientRect();
+        return [top + 2, bottom - 2].every((y) => document.elementFromPoint(left + 2, y) === one);
+    }})()""")
+
+
 def added(tab, stage, count=1):
     tab.page.click("#add_wall")
     until(tab, lambda: len(stage.walls["offsets"]) == count)
@@ -129,6 +138,10 @@ def test_walls_are_added_below_the_handle_stiffened_one_by_one_moved_by_keys_and
     page.until_text("wall_2_answer", "^wall.stiffness 9000 N.m with damping 0 N s.m needs b > 4: at most 2000 N.m$")
     page.until("document.querySelector('#wall_2_stiffness + input').value === '20'")
     assert page.text("wall_1_answer") == page.text("walls_answer") == ""
+    at_the_field = ".tuned:has(#wall_2_stiffness) > #wall_2_answer"
+    assert in_view(page, at_the_field)
+    page.page.fill(field("wall_2_stiffness"), "8")
+    assert page.text("wall_2_answer") == ""
     stage.refusal = ""
     put(page, "wall_2_stiffness", 1500)
     page.until("document.getElementById('wall_2_answer').textContent === ''")
@@ -184,6 +197,13 @@ def test_a_gain_has_plain_words_its_passive_band_and_a_field_that_what_comes_mea
     assert page.text("gain_coupling_damping_passive") == "stable from 0.25 to 1.9 N s/m"
     share = "(parseFloat(document.querySelector('#gains .passive i').style.width) / 100) ** 3"
     assert pytest.approx(5000.0 * page.page.evaluate(share), rel=1e-3) == 2310.7
+    stage.passive = {"coupling.stiffness": [0.0, 400.0]}
+    stage.tell()
+    page.until_text("gain_coupling_stiffness_passive", "^now not stable: stable up to 400 N.m$")
+    page.page.click("#tuning .fold")
+    folded = page.page.evaluate("getComputedStyle(document.querySelector('#tuning .fold'), '::after').content")
+    assert "not stable" in folded
+    page.page.click("#tuning .fold")
     stage.passive = {"coupling.stiffness": None}
     stage.tell()
     page.until_text("gain_coupling_stiffness_passive", "no value is stable: lower other gains")
@@ -268,6 +288,11 @@ def test_an_undo_does_not_wait_for_the_answer_to_what_it_takes_back(page, stage)
     stage.refusal = ""
     page.page.click("#undo")  # what was refused is no step
     until(page, lambda: stage.asked[6:] == [{NAME: 1000}])
+    stage.refusal = "no"
+    page.page.click("#tuning .fold")
+    page.page.keyboard.press("Control+y")
+    page.until_text("gain_coupling_stiffness_answer", "^no$")
+    assert in_view(page, "#gain_coupling_stiffness_answer"), "of a panel that was folded"
 
 
 def loaded(tab, content):

@@ -10,13 +10,13 @@ import { driverOf, showHealth } from "./health.js";
 import { History } from "./history.js";
 import { layered } from "./layer.js";
 import { Link } from "./link.js";
-import { Panels, say, shown, stretch } from "./panels.js";
+import { Panels, shown, stretch } from "./panels.js";
 import { panned } from "./panning.js";
 import { loading } from "./presets.js";
 import { RecordingPanel } from "./recording.js";
-import { forgetUnsent, forgetWhenEdited } from "./refusals.js";
+import { forgetUnsent, forgetWhenEdited, say } from "./refusals.js";
 import { SceneView } from "./scene.js";
-import { Strip } from "./strips.js";
+import { Strips } from "./strips.js";
 import { TaskCard } from "./task.js";
 import { dress } from "./theme.js";
 import { entitled } from "./title.js";
@@ -54,22 +54,22 @@ const fault = new Banner(byId("fault"), (title) => link.say({ do: "mend", title 
 const recording = new RecordingPanel(link);
 const tone = new Tone(byId("tone"));
 const task = new TaskCard(link, (name) => panels.ask("scene_answer", "loading", { do: "scene", name }));
-panned(view, document.querySelectorAll("[data-pan]")); // before the hand, which is not led by what moves the view
+panned(view); // before the hand, which is not led by what moves the view
 const hand = new Hand(view, byId("hold"), lead, () => link.say({ do: "let_go" }));
-const strips = [
-  new Strip(byId("strip_force"), [{ label: "motor", colour: "force" }, { label: "felt", colour: "handle", dash: true }], 1),
-  new Strip(byId("strip_energy"), [{ label: "to the operator", colour: "handle" }, { label: "to the tool", colour: "tool", dash: true }], 1),
-  new Strip(byId("strip_age"), [{ label: "median", colour: "coupling" }, { label: "99 %", colour: "force", dash: true }], 2),
-];
+const strips = new Strips([
+  [byId("strip_force"), [{ label: "motor", colour: "force" }, { label: "felt", colour: "handle", dash: [5, 4] }], 1],
+  [byId("strip_energy"), [{ label: "hand", colour: "handle" }, { label: "tool", colour: "tool", dash: [5, 4] }], 1],
+  [byId("strip_age"), [{ label: "median", colour: "coupling" }, { label: "99 %", colour: "force", dash: [5, 4] }], 2],
+], { pause: byId("pause"), closer: byId("closer"), wider: byId("wider") });
 
-loading(byId("load"), byId("load_file"), () => history.keepAll(), (sentence, done) => say("tuning_answer", sentence, done));
+loading(byId("load"), byId("load_file"), () => history.keepAll(), (sentence, done) => say(byId("tuning_answer"), sentence, done));
 layered(byId("layer"));
 forgetWhenEdited();
 entitled(byId("state"));
 foldable(document.querySelector("aside"));
 if (matchMedia("(hover: none)").matches) byId("keys").textContent = BY_TOUCH;
 explain(byId("explained"), byId("about"), byId("keys"));
-dress(byId("theme"), () => [view, ...strips].forEach((part) => part.recolour()));
+dress(byId("theme"), () => [view, ...strips.strips].forEach((part) => part.recolour()));
 turning(byId("turn_left"), hand, 1);
 turning(byId("turn_right"), hand, -1);
 byId("take_over").addEventListener("click", () => link.say({ do: "take_over" }));
@@ -146,7 +146,7 @@ function answered(answer) {
 function settled(answer) {
   history.answered(answer.to.values);
   const heard = [gains, tuning, walls].map((part) => part.answered(answer)).some(Boolean);
-  say("tuning_answer", heard || answer.done ? "" : answer.sentence, answer.done);
+  say(byId("tuning_answer"), heard || answer.done ? "" : answer.sentence, answer.done);
 }
 
 function connected(open, sentence) {
@@ -193,15 +193,17 @@ function draw() {
   record(frame);
   count += 1;
   if (count % 4 === 0) showNumbers(frame); // quicker than that nobody reads
-  if (count % 3 === 0) strips[(count / 3) % 3].draw();
+  if (count % 3 === 0) strips.strips[(count / 3) % 3].draw();
 }
 
 function record(frame) {
   const driver = driverOf(status)?.values;
   const size = (force) => (force ? Math.hypot(force[0], force[1]) : null);
-  strips[0].push(frame.time, [size(frame.force), size(frame.felt)]);
-  strips[1].push(frame.time, frame.energy.map((joule) => (joule === null ? null : 1e3 * joule)));
-  strips[2].push(frame.time, driver ? [Number(driver.age_ms_p50), Number(driver.age_ms_p99)] : [null, null]);
+  strips.push(frame.time, [
+    [size(frame.force), size(frame.felt)],
+    frame.energy.map((joule) => (joule === null ? null : 1e3 * joule)),
+    driver ? [Number(driver.age_ms_p50), Number(driver.age_ms_p99)] : [null, null],
+  ]);
   tone.set(size(frame.felt ?? frame.force) ?? 0);
 }
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scene and exchange: what they show and what they ask for.
 
-import { byId, element } from "./element.js";
+import { byId, element, spoken } from "./element.js";
+import { say } from "./refusals.js";
 import { slider } from "./slider.js";
 import { limits } from "./tuning.js";
 
@@ -10,12 +11,8 @@ export class Panels {
     this.link = link;
     this.select("scene_name", (name) => this.ask("scene_answer", "loading", { do: "scene", name }));
     this.select("method_name", (name) => this.ask("scene_answer", "loading", { do: "method", name }));
-    this.press("start_scene", () => this.ask("scene_answer", "going back", { do: "start_scene" }));
+    byId("start_scene").addEventListener("click", () => this.ask("scene_answer", "going back", { do: "start_scene" }));
     this.offered = "";
-  }
-
-  press(id, act) {
-    byId(id).addEventListener("click", act);
   }
 
   select(id, act) {
@@ -23,7 +20,7 @@ export class Panels {
   }
 
   ask(place, meanwhile, message) {
-    say(place, meanwhile, true);
+    say(byId(place), meanwhile, true);
     this.link.say(message);
   }
 
@@ -40,7 +37,7 @@ export class Panels {
       if (!simulation || box === document.activeElement) continue;
       const value = simulation[name].split("/").pop().replace(/\.yaml$/, "");
       const known = () => [...box.options].find((option) => [value, simulation[name]].includes(option.value));
-      if (!known()) box.append(element("option", { textContent: value, value: simulation[name] }));
+      if (!known()) box.append(element("option", { textContent: spoken(value), value: simulation[name] }));
       box.value = known().value;
     }
     this.showOffer(offer, values);
@@ -86,7 +83,7 @@ export class Panels {
   answered({ to, done, sentence }) {
     const place = { scene: "scene_answer", method: "scene_answer", start_scene: "scene_answer",
       restart: "restart_answer" }[to.do];
-    if (place) say(place, sentence, done);
+    if (place) say(byId(place), sentence.replace(/(?<=^scene is )\w+$/, titled), done);
     if (to.do === "restart" && !done) this.offered = ""; // back to how it is
     return Boolean(place);
   }
@@ -102,11 +99,11 @@ export function shown(number, digits) {
   return Number.isFinite(number) ? (Math.round(10 ** digits * number) / 10 ** digits + 0).toFixed(digits) : "–";
 }
 
-export function say(place, sentence, done) {
-  byId(place).textContent = sentence;
-  byId(place).classList.toggle("refused", !done);
+// The title of a scene that the page offers.
+function titled(name) {
+  return [...byId("scene_name").options].find(({ value }) => value === name)?.text ?? spoken(name);
 }
 
 function fill(box, names) {
-  box.replaceChildren(...names.map((name) => element("option", { textContent: name, value: name })));
+  box.replaceChildren(...names.map((name) => element("option", { textContent: name.replaceAll("_", " "), value: name })));
 }

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// What moves the view and not the hand: the middle or right button, Shift-drag, two fingers, Ctrl-wheel, and buttons.
+// What moves the view and not the hand: the middle or right button, Shift-drag, two fingers, Ctrl-wheel, Ctrl-arrows.
 
-const STRIDE = 60; // CSS pixels for a press on a button
+const STRIDE = 60; // CSS pixels for an arrow key
+const WAYS = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
-export function panned(view, buttons) {
+export function panned(view) {
   const { canvas } = view;
   const fingers = new Map(); // pointers that move the view, and where they are
   let first = null; // a finger that leads the hand until a second one comes
@@ -43,10 +44,11 @@ export function panned(view, buttons) {
     view.zoom(Math.exp(-event.deltaY / 300), inside(canvas, [event.clientX, event.clientY]));
   });
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
-  for (const button of buttons) {
-    const [x, y] = button.dataset.pan.split(" ").map(Number);
-    button.addEventListener("click", () => view.pan(x * STRIDE, y * STRIDE));
-  }
+  canvas.addEventListener("keydown", (event) => {
+    if (!event.ctrlKey || !(event.key in WAYS)) return;
+    event.preventDefault();
+    view.pan(...WAYS[event.key].map((way) => way * STRIDE));
+  });
 }
 
 // Ahead of whoever else listens.

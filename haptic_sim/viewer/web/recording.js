@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Recording: what the recorder does, where the bag is, and its report and replay, which open in a tab of their own.
+// Recording: what the recorder does, where the bag is, and its report and film, which open in a tab of their own.
 
-import { say } from "./panels.js";
 import { byId, element, put } from "./element.js";
+import { say } from "./refusals.js";
 
 export class RecordingPanel {
   constructor(link) {
@@ -19,7 +19,7 @@ export class RecordingPanel {
   // Answered by the state at once; the viewer's own news follow.
   press() {
     const on = this.news.state !== "recording";
-    say("record_answer", "", true);
+    say(byId("record_answer"), "", true);
     this.showState(on ? "starting" : "saving");
     this.link.say({ do: "record", on });
   }
@@ -34,7 +34,7 @@ export class RecordingPanel {
 
   showState(state) {
     const button = byId("record");
-    const on = state === "recording" || state === "saving";
+    const on = state === "recording";
     button.disabled = ["no recorder", "starting", "saving"].includes(state);
     button.textContent = state === "no recorder" ? "No recorder runs" : on ? "Stop recording" : "Record";
     button.setAttribute("aria-pressed", String(on));
@@ -90,19 +90,19 @@ export class RecordingPanel {
     const two = this.chosen.size === 2;
     byId("pair").hidden = !two;
     byId("pair_note").hidden = two;
-    byId("pair").replaceChildren(...(two ? [page("Replay both", "film.html", [...this.chosen])] : []));
+    byId("pair").replaceChildren(...(two ? [page("Film of both", "film.html", [...this.chosen])] : []));
   }
 
   answered({ to, done, sentence }) {
     if (to.do !== "mark" && to.do !== "record") return false;
-    say("record_answer", to.do === "record" && done ? "" : sentence, done);
+    say(byId("record_answer"), to.do === "record" && done ? "" : sentence, done);
     if (!done) this.showState(this.news.state);
     return true;
   }
 }
 
 function links(names) {
-  return [page("Report", "report.html", names), page("Replay", "film.html", names), page("GIF", "film.gif", names)];
+  return [page("Report", "report.html", names), page("Film", "film.html", names), page("GIF", "film.gif", names)];
 }
 
 function page(text, file, names) {

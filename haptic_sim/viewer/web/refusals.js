@@ -1,13 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// A refusal goes once it is no longer true: what was refused is edited, or the connection that lacked is there.
+// Answers beside what was asked for. A refusal is brought into view, and goes once it is no longer true: what was
+// refused is edited, or the connection that lacked is there.
 
-import { byId } from "./element.js";
+// Writes a sentence into the element of an answer.
+export function say(answer, sentence, done) {
+  answer.textContent = sentence;
+  answer.classList.toggle("refused", !done);
+  if (done || !sentence) return;
+  const [panel, list] = [answer.closest(".folded"), answer.closest("details")];
+  panel?.querySelector(".fold").click();
+  if (list) list.open = true;
+  answer.scrollIntoView({ block: "nearest" });
+}
 
-// Forgets the refusals that stand beside what is edited, or where its data-answer says.
+// Forgets the refusals that stand beside what is edited.
 export function forgetWhenEdited() {
   document.addEventListener("input", (event) => {
-    const answer = byId(event.target.dataset.answer);
-    if (answer) forget(answer);
     for (let place = event.target.parentElement; place; place = place.parentElement) place.querySelectorAll(":scope > .refused").forEach(forget);
   });
 }
@@ -18,6 +26,5 @@ export function forgetUnsent() {
 }
 
 function forget(answer) {
-  answer.textContent = "";
-  answer.classList.remove("refused");
+  say(answer, "", true);
 }

@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 // A slider over what can be felt, with what is passive as a band under it, and a field for every legal value.
 
-import { element } from "./element.js";
+import { element, put } from "./element.js";
 
 const STEPS = 1000;
 const PERIOD = 100; // ms between two values of a slider that is being drawn
 const SETTLED = 600; // ms that a slider whose value is dear must have been left alone: keys move it step by step
 
 // declared: name, kind, unit, low and high of the field; felt: [from, to] of the slider, null without one, else low to
-// high; steps and even: of a slider with equal steps; else small values are finer; word: what
-// its band is called. ask(value) while it is drawn, or,
+// high; steps and even: of a slider with equal steps; else small values are finer. ask(value) while it is drawn, or,
 // once: when let go.
 export function slider(declared, id, ask, once = false) {
-  const { name, low, high, unit, kind, steps = STEPS, even = false, felt = [low, high], word = "passive" } = declared;
-  const number = element("input", { type: "number", min: low, max: high, step: "any" });
+  const { name, low, high, unit, kind, steps = STEPS, even = false, felt = [low, high] } = declared;
+  const number = element("input", { type: "number", min: low, max: high, step: "any", required: true });
   let last = null; // timer of what the slider has not sent yet
   number.addEventListener("change", () => {
     clearTimeout(last);
-    if (number.value !== "") ask(Number(number.value));
+    if (number.value === "") number.reportValidity(); // the browser says that it is no number
+    else ask(Number(number.value));
   });
   const showNumber = (value) => (number.value = Number(value.toPrecision(6)));
   if (!felt) {
@@ -62,7 +62,7 @@ export function slider(declared, id, ask, once = false) {
       range.value = steps * scale.share(value);
       showNumber(value);
       describe(number.value);
-      band.show(passive, scale, { low, high, unit, word });
+      band.show(value, passive, scale, { low, high, unit });
     },
   };
 }
@@ -75,25 +75,26 @@ class Band {
     this.track.append(this.bar);
   }
 
-  show(passive, scale, { low, high, unit, word }) {
+  show(value, passive, scale, { low, high, unit }) {
     this.track.hidden = !passive;
     if (passive) {
       const [left, right] = passive.map((value) => scale.share(value));
       Object.assign(this.bar.style, { left: `${100 * left}%`, width: `${100 * (right - left)}%` });
     }
-    const text = passive === undefined ? "" : words(passive, low, high, unit, word);
-    if (this.text.textContent !== text) this.text.textContent = text;
+    const beyond = passive && (value < passive[0] || value > passive[1]);
+    this.text.classList.toggle("beyond", beyond || passive === null);
+    put(this.text, passive === undefined ? "" : (beyond ? "now not stable: " : "") + words(passive, low, high, unit));
   }
 }
 
 // What is passive, rounded to the passive side.
-export function words(passive, low, high, unit, word) {
-  if (passive === null) return `no value is ${word}: lower other gains`;
+function words(passive, low, high, unit) {
+  if (passive === null) return "no value is stable: lower other gains";
   const [least, most] = [rounded(passive[0], Math.ceil), rounded(passive[1], Math.floor)];
   const end = unit ? ` ${unit}` : "";
-  if (passive[1] >= high && passive[0] <= low) return `${word} at any value`;
-  if (passive[0] <= low) return `${word} up to ${most}${end}`;
-  return `${word} from ${least} to ${most}${end}`;
+  if (passive[1] >= high && passive[0] <= low) return "stable at any value";
+  if (passive[0] <= low) return `stable up to ${most}${end}`;
+  return `stable from ${least} to ${most}${end}`;
 }
 
 function rounded(value, round) {

@@ -1,34 +1,68 @@
 // SPDX-License-Identifier: Apache-2.0
-// Strips of the last seconds, with axes and units.
+// Strips of the last seconds, with axes and units; together they stand still, and show less of that time.
 
-import { line } from "./pen.js";
-import { niceStep } from "./plane.js";
+import { paintCurve, paintLegend, paintLevels, rangeOf, shortly } from "./chart.js";
 import { colours } from "./theme.js";
 
-const SECONDS = 10;
+const SECONDS = 10; // that are kept
+const SHORTEST = 0.2; // s that are shown at least
+const GAP = 1; // s without a point that no curve bridges
 
-export class Strip {
-  // curves: [{label, colour (a CSS variable), dash}], in the order of the numbers given to push.
-  constructor(canvas, curves, least) {
-    this.canvas = canvas;
-    this.curves = curves;
-    this.least = least;
-    this.points = [];
+// seconds: that are seen; back [s]: before the newest point, where the right edge is, which is now unless they stand still.
+export class Strips {
+  // strips: [canvas, curves, least] of each.
+  constructor(strips, { pause, closer, wider }) {
+    Object.assign(this, { seconds: SECONDS, back: 0, paused: false });
+    this.strips = strips.map(([canvas, curves, least]) => new Strip(canvas, curves, least, this));
+    for (const { canvas } of this.strips) {
+      canvas.addEventListener("wheel", (event) => {
+        event.preventDefault();
+        this.zoom(Math.exp(event.deltaY / 300), event.offsetX / canvas.clientWidth);
+      }, { passive: false });
+    }
+    pause.addEventListener("click", () => this.pause(pause));
+    closer.addEventListener("click", () => this.zoom(0.5));
+    wider.addEventListener("click", () => this.zoom(2));
+  }
+
+  // What comes while they stand still is not kept.
+  pause(button) {
+    this.paused = !this.paused;
+    button.setAttribute("aria-pressed", String(this.paused));
+    this.back = 0;
+  }
+
+  // share: of the width, where the same time stays.
+  zoom(factor, share = this.paused ? 0.5 : 1) {
+    const before = this.seconds;
+    this.seconds = Math.min(SECONDS, Math.max(SHORTEST, before * factor));
+    if (this.paused) this.back = Math.min(SECONDS - this.seconds, Math.max(0, this.back + (1 - share) * (before - this.seconds)));
+    this.strips.forEach((strip) => strip.draw());
+  }
+
+  // curves: of each strip, the numbers of its curves.
+  push(time, curves) {
+    if (!this.paused) this.strips.forEach((strip, i) => strip.push(time, curves[i]));
+  }
+}
+
+class Strip {
+  // curves: [{label, colour (a CSS variable), dash}], in the order of the numbers given to push. span: what is seen.
+  constructor(canvas, curves, least, span) {
+    Object.assign(this, { canvas, curves, least, span, points: [] });
     this.recolour();
     new ResizeObserver(() => this.draw()).observe(canvas);
   }
 
   recolour() {
-    const named = this.curves.map((curve) => curve.colour);
-    const found = colours(["soft", "line", "panel", ...named]);
-    [this.ink, this.grid, this.ground] = [found.soft, found.line, found.panel];
-    this.colours = named.map((name) => found[name]);
+    this.colours = colours(["soft", "line", "panel", ...this.curves.map(({ colour }) => colour)]);
     this.draw();
   }
 
   push(time, numbers) {
+    if (time > this.points.at(-1)?.[0] + GAP) this.points.push([time]);
     this.points.push([time, ...numbers]);
-    while (this.points.length && this.points[0][0] < time - SECONDS) this.points.shift();
+    while (this.points[0][0] < time - SECONDS) this.points.shift();
   }
 
   // Nothing where it is not seen.
@@ -38,78 +72,25 @@ export class Strip {
     const [width, height] = [this.canvas.clientWidth * ratio, this.canvas.clientHeight * ratio].map(Math.round);
     if (this.canvas.width !== width || this.canvas.height !== height) Object.assign(this.canvas, { width, height });
     const context = this.canvas.getContext("2d", { alpha: false });
-    context.fillStyle = this.ground;
+    const { soft, line, panel } = this.colours;
+    context.fillStyle = panel;
     context.fillRect(0, 0, width, height);
-    const box = { left: 38 * ratio, top: 6 * ratio, right: width - 4 * ratio, bottom: height - 14 * ratio, ratio };
-    const [low, high, step] = this.range();
-    this.drawAxes(context, box, low, high, step);
-    this.curves.forEach((curve, i) => this.drawCurve(context, box, low, high, i));
-    this.drawLegend(context, box);
+    this.paint(context, { left: 44 * ratio, top: 6 * ratio, right: width - 4 * ratio, bottom: height - 14 * ratio, ratio }, soft, line);
   }
 
-  range() {
-    let [low, high] = [0, this.least];
-    for (const [, ...numbers] of this.points) {
-      for (const number of numbers) {
-        if (number < low) low = number;
-        if (number > high) high = number;
-      }
-    }
-    const step = niceStep((high - low) / 3);
-    return [Math.floor(low / step) * step, Math.ceil(high / step) * step, step];
-  }
-
-  drawAxes(context, box, low, high, step) {
-    context.font = `${10 * box.ratio}px system-ui, "DejaVu Sans", sans-serif`;
-    context.fillStyle = this.ink;
-    context.strokeStyle = this.grid;
-    context.lineWidth = box.ratio;
-    context.textAlign = "right";
-    for (let value = low; value <= high + 1e-9 * step; value += step) {
-      const y = box.bottom - ((value - low) / (high - low)) * (box.bottom - box.top);
-      line(context, box.left, y, box.right, y);
-      context.fillText(String(Number(value.toPrecision(3))), box.left - 4 * box.ratio, y + 3 * box.ratio);
-    }
+  paint(context, box, ink, grid) {
+    const { seconds, back } = this.span;
+    const end = (this.points.at(-1)?.[0] ?? 0) - back;
+    const seen = this.points.filter(([time]) => time >= end - seconds && time <= end);
+    const range = rangeOf(seen.flatMap(([, ...numbers]) => numbers), this.least, 3);
+    paintLevels(context, box, range, ink, grid);
+    const written = box.bottom + 12 * box.ratio;
+    if (back > 0) context.fillText(`−${shortly(Number(back.toFixed(1)))} s`, box.right, written);
     context.textAlign = "left";
-    context.fillText(`−${SECONDS} s`, box.left, box.bottom + 12 * box.ratio);
-  }
-
-  drawCurve(context, box, low, high, i) {
-    if (!this.points.length) return;
-    const now = this.points[this.points.length - 1][0];
-    context.strokeStyle = this.colours[i];
-    context.lineWidth = 1.6 * box.ratio;
-    context.setLineDash(this.curves[i].dash ? [5 * box.ratio, 4 * box.ratio] : []);
-    context.beginPath();
-    let drawing = false;
-    for (const point of this.points) {
-      const value = point[i + 1];
-      if (value === null || value === undefined || Number.isNaN(value)) {
-        drawing = false;
-        continue;
-      }
-      const x = box.right - ((now - point[0]) / SECONDS) * (box.right - box.left);
-      const y = box.bottom - ((value - low) / (high - low)) * (box.bottom - box.top);
-      if (drawing) context.lineTo(x, y);
-      else context.moveTo(x, y);
-      drawing = true;
-    }
-    context.stroke();
-    context.setLineDash([]);
-  }
-
-  drawLegend(context, box) {
-    let x = box.left + 50 * box.ratio;
-    context.textAlign = "left";
-    this.curves.forEach((curve, i) => {
-      context.strokeStyle = this.colours[i];
-      context.lineWidth = 2 * box.ratio;
-      context.setLineDash(curve.dash ? [4 * box.ratio, 3 * box.ratio] : []);
-      line(context, x, box.bottom + 8 * box.ratio, x + 16 * box.ratio, box.bottom + 8 * box.ratio);
-      context.setLineDash([]);
-      context.fillStyle = this.ink;
-      context.fillText(curve.label, x + 20 * box.ratio, box.bottom + 12 * box.ratio);
-      x += 30 * box.ratio + context.measureText(curve.label).width;
-    });
+    context.fillText(`−${shortly(Number((seconds + back).toFixed(1)))} s`, box.left, written);
+    const curves = this.curves.map(({ label, colour, dash = [] }) => ({ label, colour: this.colours[colour], dash }));
+    const xOf = (time) => box.right - ((end - time) / seconds) * (box.right - box.left);
+    curves.forEach((curve, i) => paintCurve(context, box, range, seen.map((point) => [xOf(point[0]), point[i + 1]]), curve));
+    paintLegend(context, box, box.left + 50 * box.ratio, box.bottom + 8 * box.ratio, curves);
   }
 }

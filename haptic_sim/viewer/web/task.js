@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The task card: what to do in this scene, how far it is, and the hand that shows the way.
 
-import { byId, element, put } from "./element.js";
+import { byId, element, put, spoken } from "./element.js";
+import { say } from "./refusals.js";
 
 const OTHERS = "Test cases";
 
@@ -28,7 +29,7 @@ export class TaskCard {
     const box = byId("scene_name");
     const others = scenes.filter((name) => tasks.every((task) => task.name !== name));
     const fold = element("optgroup", { label: OTHERS });
-    fold.append(...others.map((name) => option(name, name.replaceAll("_", " "))));
+    fold.append(...others.map((name) => option(name, spoken(name))));
     box.replaceChildren(...tasks.map(({ name, title }) => option(name, title)), fold);
   }
 
@@ -37,7 +38,7 @@ export class TaskCard {
     this.reached = this.stale = false;
     const task = scene?.task;
     const title = byId("task_title");
-    put(title.querySelector("button") ?? title, task?.title ?? "This scene"); // the button folds the card
+    put(title.querySelector("button") ?? title, task?.title ?? spoken(scene?.name ?? "task")); // the button folds the card
     byId("goal").textContent = task?.goal ?? (scene ? `${scene.description}.` : "–");
     byId("task_hint").textContent = task?.hint ?? "";
     byId("done").textContent = "";
@@ -85,8 +86,7 @@ export class TaskCard {
   answered({ to, done, sentence }) {
     if (to.do === "start_scene" && done) this.begin();
     if (to.do !== "guide") return false;
-    byId("scene_answer").textContent = sentence;
-    byId("scene_answer").classList.toggle("refused", !done);
+    say(byId("scene_answer"), sentence, done);
     return true;
   }
 }

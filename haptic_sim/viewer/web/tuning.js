@@ -2,8 +2,8 @@
 // Sliders, switches and fields made from the declarations of the driver's live parameters; walls have their own panel.
 
 import { element } from "./element.js";
+import { say } from "./refusals.js";
 import { slider } from "./slider.js";
-
 
 const OPEN = ["coupling", "cancellation"];
 const WALLS = "wall";
@@ -46,7 +46,7 @@ export class Tuning {
     const answer = element("p", { className: "answer", id: `${id}_answer` });
     answer.setAttribute("role", "status");
     const ask = (value) => this.ask(declared.name, value);
-    const { inputs, show, parts = inputs } = makers[declared.kind]({ ...declared, name: words ?? declared.name, word: words ? "stable" : "passive" }, id, ask);
+    const { inputs, show, parts = inputs } = makers[declared.kind]({ ...declared, name: words ?? declared.name }, id, ask);
     row.append(label, ...parts, answer);
     const field = { show, answer, inputs, edited: false };
     row.addEventListener("input", () => {
@@ -83,9 +83,8 @@ export class Tuning {
     const [name, ...others] = Object.keys(to.values);
     const field = this.fields[name];
     if (!field || others.length) return false;
-    field.answer.textContent = done ? "" : sentence;
-    field.answer.classList.toggle("refused", !done);
     if (!done && name in this.values) field.show(this.values[name], this.passive[name]);
+    say(field.answer, done ? "" : sentence, done);
     return true;
   }
 }

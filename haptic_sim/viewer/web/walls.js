@@ -2,6 +2,7 @@
 // The panel of the servo's walls: one is added, moved, turned, made stiffer and removed, always all of its values at once.
 
 import { byId, element } from "./element.js";
+import { say } from "./refusals.js";
 import { slider } from "./slider.js";
 import { angleOf, aside, besides, onto, turned, valuesOf, wallsOf, yielding } from "./wall.js";
 
@@ -68,6 +69,7 @@ export class Walls {
   change(i, wanted, thing) {
     const wall = yielding(wanted, this.walls[i], this.view.frame?.handle);
     const walls = this.walls.map((old, j) => (j === i ? wall : old));
+    this.thing = thing;
     if (JSON.stringify(valuesOf(walls)) !== JSON.stringify(valuesOf(this.walls))) this.ask(walls, i, thing);
     if (wall !== wanted) this.say(i, "The hand is in the way: the wall stops at it.", true);
   }
@@ -79,6 +81,7 @@ export class Walls {
   ask(walls, about, thing) {
     this.asked = performance.now();
     this.about = about;
+    this.thing = thing;
     this.wanted = JSON.stringify(valuesOf(walls));
     this.say(-1, "");
     this.set(valuesOf(walls), thing);
@@ -97,14 +100,14 @@ export class Walls {
     return true;
   }
 
-  // At the wall, or, where it is no wall, below all. noted: it is no refusal.
+  // At the slider of the wall that was moved, at the wall, or, where it is no wall, below all. noted: it is no refusal.
   say(i, sentence, noted = false) {
     this.noted = noted;
-    for (const { answer } of this.rows) answer.textContent = "";
-    const place = this.rows[i]?.answer ?? byId("walls_answer");
-    byId("walls_answer").textContent = "";
-    place.textContent = sentence;
-    place.classList.toggle("refused", !noted);
+    for (const answer of [byId("walls_answer"), ...this.rows.map((row) => row.answer)]) say(answer, "", true);
+    const row = this.rows[i];
+    const moved = row && [...row.set.querySelectorAll(".tuned")].find((line) => line.querySelector("[id]").id === this.thing);
+    row && (moved ?? row.set).append(row.answer);
+    say(row?.answer ?? byId("walls_answer"), sentence, noted);
   }
 
   buildRows() {
@@ -148,7 +151,7 @@ export class Walls {
     const expert = element("small", { textContent: name });
     expert.dataset.layer = "expert";
     label.append(expert);
-    const { parts, show } = slider({ ...declared, name: `${words} of wall ${i + 1}`, word: "stable" }, id, (value) => ask(value, id));
+    const { parts, show } = slider({ ...declared, name: `${words} of wall ${i + 1}` }, id, (value) => ask(value, id));
     const row = element("div", { className: "tuned" });
     row.append(label, ...parts);
     parts[0].setAttribute("aria-label", `${words} of wall ${i + 1}`);
