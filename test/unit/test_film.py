@@ -23,6 +23,8 @@ from haptic_sim.film.clock import MOST, Clock
 from haptic_sim.film.gif import PERIOD, SECONDS, pictures_of
 from haptic_sim.film.page import page_of
 from haptic_sim.film.reading import film_of
+from haptic_sim.scene.drawing import drawing_of
+from haptic_sim.scene.language import load
 
 TICKS = 6000  # 1.5 s
 HOSTILE = "</script><img src=x onerror=alert(1)>"
@@ -159,6 +161,8 @@ def test_walls_of_the_servo_are_those_that_the_driver_had(tmp_path):
 
 def test_the_page_is_one_file_that_fetches_nothing(film):
     text = page_of([film._replace(marks=[])])
+    task = film._replace(scene=drawing_of(load("wrench_on_nut")))
+    assert "<title>Film: Turn the nut</title>" in page_of([task]), "the scene by its title"
     assert not re.search(r"https?://|(?:src|href)=|@import|url\(|\bimport\b.*\bfrom\b|^export ", text, re.M)
     policy = re.search(r'Security-Policy" content="([^"]*)"', text)[1]
     assert policy.startswith("default-src 'none'") and "unsafe" not in policy
