@@ -20,6 +20,7 @@ it away.
 
 import asyncio
 import functools
+import posixpath
 import time
 from collections.abc import Iterable
 from typing import Any
@@ -162,6 +163,12 @@ class Client:
                 await asyncio.sleep(LOOK_PERIOD)
         return question.read(asking.answer)
 
+    def namesakes(self, node: str) -> str:
+        """Which nodes of this name run in other namespaces, as a sentence; "" if none does, or one where it should."""
+        shown, own = self.node.get_node_names_and_namespaces(), posixpath.join(self.node.get_namespace(), node)
+        found = sorted(posixpath.join(where, name) for name, where in shown if name == posixpath.basename(node))
+        return f"there is {', '.join(found)}; see --namespace" if found and own not in found else ""
+
     def service(self, name: str) -> "Service":
         """What is known of a service."""
         self.prepare(name)
@@ -213,7 +220,7 @@ class Asking:
 
     def __init__(self, client: Client, question: Question, patience: float, again: float | None, wait: bool):
         self.question, self.answer = question, None
-        self._service, self._namespace = client.service(question.service), client.node.get_namespace()
+        self._service, self._client = client.service(question.service), client
         self._patience, self._end = patience, time.monotonic() + patience
         self._again, self._next, self._wait, self._shown = again, 0.0, wait, False
 
@@ -246,8 +253,8 @@ class Asking:
         node, _, service = self.question.service.rpartition("/")
         if self._shown or self._service.met:
             return silent(node, service, self._patience)
-        why = ros_environment.discovery() or "does it run in this domain?"
-        return absent(node, service, self._namespace, why)
+        why = self._client.namesakes(node) or ros_environment.discovery() or "does it run in this domain?"
+        return absent(node, service, self._client.node.get_namespace(), why)
 
 
 def silent(node: str, service: str, patience: float) -> str:

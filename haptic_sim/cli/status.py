@@ -62,7 +62,14 @@ def newest(client, everywhere: bool = False) -> dict:
         f"{where.rstrip('/')}/{name}" if several else name: _status(one, time.monotonic() - when)
         for where, said in sorted(displays.items())
         for name, (one, when) in sorted(said.items(), key=_order)
-    }
+    } or _unheard(client.node)
+
+
+def _unheard(node) -> dict:
+    """One entry, named as the namespace, which names our nodes that run all the same: elsewhere, or not active."""
+    found = sorted(f"{at.rstrip('/')}/{name}" for name, at in node.get_node_names_and_namespaces() if name in NODES)
+    said = {"level": LEVELS.index("STALE"), "message": f"nothing is heard; there is {', '.join(found)}", "values": {}}
+    return {node.get_namespace(): said} if found else {}
 
 
 def _status(said, age) -> dict:

@@ -91,7 +91,8 @@ def test_status_shows_every_figure_of_a_running_display_and_says_by_its_exit_cod
         done = haptic("status", "--json", *words)
         return json.loads(done.stdout), done.returncode
 
-    assert status("--namespace", "/nobody") == ({}, 1)
+    found, code = status("--namespace", "/nobody")
+    assert "/haptic/haptic_driver" in found["/nobody"]["message"] and code == 1
     assert display.trigger("estop")[0]
 
     def heard():
