@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What MkDocs does not know by itself: formulas become MathML, which a browser shows without a script."""
+"""What MkDocs does not know by itself.
+
+Formulas become MathML, which a browser shows without a script. The search finds pages to learn from before pages to
+look up and both before decisions. The gallery of scenes is a grid of pictures.
+"""
 
 import re
 from xml.etree import ElementTree
@@ -9,6 +13,9 @@ from markdown import Extension
 from markdown.treeprocessors import Treeprocessor
 
 ARITY = {"mfrac": 2, "mover": 2, "mroot": 2, "msub": 2, "msubsup": 3, "msup": 2, "munder": 2, "munderover": 3}
+GALLERY = "reference/scenes/README.md"
+TABLE = r"<details><summary>Simulation</summary>\1</details>"
+BOOSTS = {"tutorials": 3.0, "decisions": 0.1}  # of folders, in the search; 1 of the others
 
 
 def mathml(formula: str, display: str) -> ElementTree.Element:
@@ -45,6 +52,20 @@ def on_config(config):
     """MkDocs: a formula that is not understood ends the build."""
     config.markdown_extensions.append(Maths())
     return config
+
+
+def on_page_markdown(markdown, page, **_):
+    """MkDocs: the folder of a page decides how early the search shows it."""
+    page.meta.setdefault("search", {"boost": BOOSTS.get(page.file.src_uri.partition("/")[0], 1.0)})
+
+
+def on_page_content(html, page, **_):
+    """MkDocs: each scene of the gallery is a card of a grid; its film and its table are folded."""
+    if page.file.src_uri != GALLERY:
+        return html
+    head, *scenes = re.split("(?=<h2 )", html.replace("<details open>", "<details>"))
+    folded = [re.sub("(?s)(<table>.*</table>)", TABLE, scene) for scene in scenes]
+    return f'{head}<div class="scenes">{"".join(f"<section>{scene}</section>" for scene in folded)}</div>'
 
 
 def on_post_page(output, **_):
