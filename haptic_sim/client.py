@@ -252,19 +252,9 @@ class Asking:
     def _silence(self) -> str:
         node, _, service = self.question.service.rpartition("/")
         if self._shown or self._service.met:
-            return silent(node, service, self._patience)
+            return f"{node} did not answer ~/{service} within {self._patience:g} s"
         why = self._client.namesakes(node) or ros_environment.discovery() or "does it run in this domain?"
-        return absent(node, service, self._client.node.get_namespace(), why)
-
-
-def silent(node: str, service: str, patience: float) -> str:
-    """Of a service that is there and has not answered within so long [s]."""
-    return f"{node} did not answer ~/{service} within {patience:g} s"
-
-
-def absent(node: str, service: str, namespace: str, why: str) -> str:
-    """Of a service that is not there."""
-    return f"{node} offers no ~/{service} in {namespace}; {why}"
+        return f"{node} offers no ~/{service} in {self._client.node.get_namespace()}; {why}"
 
 
 def _by_name(layout: JointLayout, data: bytes) -> dict[str, tuple[float, float, float]]:

@@ -21,6 +21,7 @@ from haptic_sim.supervision.processes import NAMESPACE, parameter_text
 
 LISTENING = 2.0  # [s] in which nodes that are there are found
 SHOWING = 5.0  # [s] in which a node that is starting is seen
+ALL_THE_SAME = 0.5  # [s] for the answer of a node that is seen in another namespace only: the graph may lack ours
 PATIENCE = 15.0  # [s] for the answer of a node that is there: it may be starting
 OF_A_START = {"autostart", "bag"}  # parameters that whoever starts a node gives
 Node = Annotated[str, typer.Argument(help="Name of the node, such as haptic_driver.", autocompletion=node_name)]
@@ -103,13 +104,14 @@ def _client(domain: int | None, namespace: str) -> Iterator:
 
 
 def _asked(client, question) -> Any:
-    """What the answer means. A node that nobody sees is said sooner than one that does not answer, one seen in another
-    namespace sooner still."""
+    """What the answer means. A node that nobody sees is said sooner than one that does not answer, one that is seen in
+    another namespace only still sooner."""
     began, node, service = time.monotonic(), question.service.rpartition("/")[0], client.service(question.service)
     while not service.ready and time.monotonic() - began < (LISTENING if client.namesakes(node) else SHOWING):
         client.look()
         time.sleep(0.02)
-    return client.call(question, **({"patience": PATIENCE} if service.ready else {"wait": not client.namesakes(node)}))
+    patience = {"patience": PATIENCE} if service.ready else {"patience": ALL_THE_SAME} if client.namesakes(node) else {}
+    return client.call(question, **patience)
 
 
 def _values(client, node: str) -> dict[str, Any]:

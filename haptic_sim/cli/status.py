@@ -22,6 +22,7 @@ from haptic_sim.supervision.processes import NAMESPACE
 STYLES = ("green", "yellow", "bold red", "magenta")
 STALE = 2.0  # [s] without news after which a status counts no more
 LISTENING = 2.0  # [s] that one look without a terminal takes
+SILENCE = 5.0  # [s] of it before nodes are taken to be none: they announce themselves every 3 s
 KEYS = {ESTOP: "estop", "r": "reset", "e": "enable", "d": "disable"}
 HELP = "space: e-stop   r: reset   e: enable   d: disable   q: quit"
 NODES = ("haptic_driver", "haptic_bridge", "haptic_loopback", "haptic_simulation", "haptic_recorder")
@@ -30,7 +31,7 @@ NODES = ("haptic_driver", "haptic_bridge", "haptic_loopback", "haptic_simulation
 def status(
     domain: Annotated[int | None, whole("--domain", 0, 232, help="ROS domain [ROS_DOMAIN_ID, or 0].")] = None,
     namespace: Annotated[str | None, typer.Option(help="Namespace of one display; else every one is shown.")] = None,
-    json: Annotated[bool, typer.Option("--json", help="Listen for 2 s, print one JSON object, end.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Listen for 2 to 5 s, print one JSON object, end.")] = False,
 ) -> None:
     """Show all nodes and figures with their levels, live; space is the e-stop. Exit code 1 for ERROR or silence."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
@@ -94,8 +95,8 @@ def _order(item):
 
 
 def _listen(client, everywhere) -> dict:
-    end = time.monotonic() + LISTENING
-    while time.monotonic() < end:
+    began = time.monotonic()
+    while time.monotonic() - began < (SILENCE if not newest(client, everywhere) else LISTENING):
         client.look()
         time.sleep(0.02)
     return newest(client, everywhere)

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from haptic_sim.cli import parameters
-from haptic_sim.cli.status import newest
+from haptic_sim.cli import parameters, status
+from haptic_sim.cli.status import _listen, newest
 from haptic_sim.client import Client
 from haptic_sim.service_requests import list_parameters
 
@@ -21,10 +21,10 @@ class Unanswered(Client):
     def __init__(self, *shown):
         pairs = [(name, where or "/") for where, _, name in (one.rpartition("/") for one in shown)]
         self.node = SimpleNamespace(get_namespace=lambda: "/haptic", get_node_names_and_namespaces=lambda: pairs)
-        self.statuses, self.heard, self.elsewhere, self.look = {}, {}, {}, lambda: None
+        self.shown, self.statuses, self.heard, self.elsewhere, self.look = pairs, {}, {}, {}, lambda: None
 
     def service(self, name):
-        nothing = {"take": lambda: None, "forget": lambda asking: None}
+        nothing = {"take": lambda: None, "send": lambda asking: None, "forget": lambda asking: None}
         return SimpleNamespace(ready=False, met=False, all_the_same=math.inf, **nothing)
 
 
@@ -32,6 +32,7 @@ class Unanswered(Client):
 def seconds(monkeypatch):
     """Short times in place of those for nodes that are slow to be found; for one that is nowhere it is a second."""
     monkeypatch.setattr(parameters, "LISTENING", SHORT)
+    monkeypatch.setattr(parameters, "ALL_THE_SAME", SHORT)
     monkeypatch.setattr(parameters, "SHOWING", 1.0)
 
 
@@ -43,7 +44,7 @@ def test_a_node_that_runs_in_other_namespaces_only_is_named_as_soon_as_one_would
     sentence = f"^haptic_driver offers no ~/list_parameters in /haptic; there is {', '.join(shown)}; see --namespace$"
     with pytest.raises(ValueError, match=sentence):
         parameters._asked(Unanswered("/haptic/haptic_viewer", *shown), list_parameters("haptic_driver"))
-    assert SHORT <= time.monotonic() - began < 1.0
+    assert 2 * SHORT <= time.monotonic() - began < 1.0
 
 
 def test_a_node_that_runs_where_it_is_looked_for_or_nowhere_has_no_namesake():
@@ -58,3 +59,13 @@ def test_a_status_is_empty_only_where_no_node_runs(everywhere, shown):
     (entry,) = newest(Unanswered(shown, "/haptic/haptic_status"), everywhere).items()
     assert entry == ("/haptic", {"level": 3, "message": f"nothing is heard; there is {shown}", "values": {}})
     assert newest(Unanswered("/haptic/haptic_status", "/talker"), everywhere) == {}
+
+
+def test_who_announces_itself_after_two_seconds_is_waited_for_and_nobody_for_five(monkeypatch):
+    monkeypatch.setattr(status, "LISTENING", SHORT)
+    monkeypatch.setattr(status, "SILENCE", 4 * SHORT)
+    late, began = Unanswered(), time.monotonic()
+    late.look = lambda: time.monotonic() > began + 2 * SHORT and late.shown.append(("haptic_driver", "/left"))
+    assert "/haptic" in _listen(late, True)
+    assert time.monotonic() - began >= 2 * SHORT
+    assert _listen(Unanswered(), True) == {}
