@@ -3,15 +3,15 @@
 
 In one step a body may come a quarter of the least width of what it can meet, and no farther than 1.8 m/s take it in the
 shortest step that so many bodies get: 90 µm, as deep as it may then be in it, of few. One that would come farther is
-swept: the middle of each of its shapes as the disc that fits in, its corners as points, along straight ways. It goes to
-the first hit, where the next step finds the contact, and loses the rest of the step. So does a body that comes to a
-stop of its joint.
+swept: the middle of each of its shapes as the disc that fits in, its corners as points, along straight ways. So are the
+corners and discs of what it can meet, as they come towards its edges, seen from it. It goes to the first hit, where the
+next step finds the contact, and loses the rest of the step. So does a body that comes to a stop of its joint.
 
 What somebody has added to the space is taken in between two steps: all of it is met, and dynamic bodies are swept too.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import pymunk
@@ -19,10 +19,21 @@ from pymunk import batch
 
 from haptic_sim.method.layout import Layout
 from haptic_sim.pymunk_world.joints import BEYOND, Stop
-from haptic_sim.pymunk_world.swept_shapes import Disc, can_meet, connected, discs, fits, least_met, narrowest, width
+from haptic_sim.pymunk_world.swept_shapes import (
+    Disc,
+    can_meet,
+    connected,
+    discs,
+    fits,
+    least_met,
+    narrowest,
+    passed,
+    places,
+    width,
+)
 from haptic_sim.reduction.method_choice import short_step
 from haptic_sim.reduction.model import Model
-from haptic_sim.scene.geometry import Point, Pose, turned
+from haptic_sim.scene.geometry import Point, Pose, framed, turned
 
 SHARE, FAST = 0.25, 1.8
 """Of the least width, that a step may take; m/s."""
@@ -222,12 +233,25 @@ class ContinuousCollision:
             way = math.dist(start, end)
             if way > self._limits[b]:
                 share = min([share, *(alpha + self._near / way for alpha in self._hits(b, start, end, radius))])
-        return share
+        return min([share, *self._edge_hits(b, here, there)])
 
     def _hits(self, b: int, start: Point, end: Point, radius: float) -> list[float]:
         """Shares of a disc's way at which it meets what body b can meet; where it overlaps at the start is no hit."""
         found = self._space.segment_query(start, end, radius, ALL)
         return [hit.alpha for hit in found if hit.alpha > 0.0 and self._can_meet(b, hit.shape)]
+
+    def _edge_hits(self, b: int, here: Pose, there: Pose) -> Iterator[float]:
+        """Shares of a body's move at which its edges meet corners or discs of what it can meet: it sees them come."""
+        own = [shape for shape in self._bodies[b].shapes if not (shape.sensor or isinstance(shape, pymunk.Circle))]
+        if not own:
+            return
+        around = passed(own, here, there, self._extents[b])
+        for other in self._space.bb_query(around, ALL):
+            for corner, radius in places(other, around) if self._can_meet(b, other) else ():
+                end = turned(framed(corner, there), here)
+                found = (shape.segment_query(corner, end, radius) for shape in own)
+                way = math.dist(corner, end)
+                yield from (hit.alpha + self._near / way for hit in found if hit and hit.alpha > 0.0)
 
     def _can_meet(self, b: int, shape: pymunk.Shape) -> bool:
         """Whether body b can meet a shape: in the scene as was worked out before, else as pymunk says now."""

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a sweep asks of pymunk's shapes that somebody has added to a scene's space: discs, widths, who meets whom."""
 
+import functools
 import math
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 
 import numpy as np
 import pymunk
 
-from haptic_sim.scene.geometry import Point
+from haptic_sim.scene.geometry import Point, Pose
 
 LEAST = 1e-4
 """m; width with which a thinner shape counts: a segment may have none."""
@@ -24,6 +25,21 @@ def discs(shape: pymunk.Shape, centre: Point) -> list[Disc]:
         middle = tuple(np.mean(corners, axis=0).tolist())
         found.append((middle, radius + (fits(corners, middle) if len(corners) > 2 else 0.0)))
     return found
+
+
+def passed(shapes: Sequence[pymunk.Shape], here: Pose, there: Pose, extent: float) -> pymunk.BB:
+    """Box about all places of a body's shapes between two poses; no point is farther than `extent` from its centre."""
+    around = functools.reduce(pymunk.BB.merge, (shape.cache_bb() for shape in shapes))
+    dx, dy, turn = there[0] - here[0], there[1] - here[1], extent * abs(there[2] - here[2])
+    left, bottom = around.left + min(0.0, dx) - turn, around.bottom + min(0.0, dy) - turn
+    return pymunk.BB(left, bottom, around.right + max(0.0, dx) + turn, around.top + max(0.0, dy) + turn)
+
+
+def places(shape: pymunk.Shape, around: pymunk.BB) -> Iterator[Disc]:
+    """Corners of a shape, or its middle, as discs in the plane, of those that touch a box."""
+    for corner in map(shape.body.local_to_world, _corners(shape)):
+        if around.intersects(pymunk.BB.newForCircle(corner, shape.radius)):
+            yield corner, shape.radius
 
 
 def fits(corners: Sequence[Point], middle: Point) -> float:

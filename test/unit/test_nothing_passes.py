@@ -6,7 +6,9 @@ import math
 import numpy as np
 import pymunk
 import pytest
-from examples import searching
+from examples import few, searching
+from hypothesis import example, given
+from hypothesis import strategies as st
 from worlds import TURNS, World, block_of, body, box, disc, fixed, spring, tool
 
 from haptic_sim.protocol import STILL, Coupling
@@ -100,6 +102,24 @@ def test_a_bar_that_spins_fast_does_not_cut_through_a_thin_plate():
     for _ in range(200):
         x, _, angle = world.steps(1).pose()
         assert x < 0.0 and x + 0.08 * abs(math.cos(angle)) < 2e-3
+
+
+@pytest.mark.parametrize("wire", [disc(1e-4), box(2e-4, 2e-4, angle=0.5), None])
+@given(speed=st.floats(2.0, 5e3), along=st.floats(-0.045, 0.045), turn=st.floats(-3.0, 3.0), spin=st.floats(-9.0, 9.0))
+@example(speed=15.0, along=0.0123, turn=0.0, spin=0.0)
+@few(30)
+def test_the_edge_of_a_bar_that_flies_sideways_does_not_pass_a_thin_wire(wire, speed, along, turn, spin):
+    """A bar of 100 by 0.5 mm that the wire hardly turns, a wire 0.2 mm thick, of the scene or added."""
+    bar = body(-0.02, along, shapes=box(0.0005, 0.1), mass=0.01, inertia=100.0, velocity=[speed, 0.0, spin])
+    world = Space(*([fixed("wire", shapes=wire)] if wire else []), bar, turn=turn)
+    if not wire:
+        stands = world.stands()
+        world.add(stands, pymunk.Circle(stands, 1e-4))
+    for _ in range(max(20, round(0.03 / speed / H))):
+        x, y, angle = world.steps(1).pose()
+        if abs(y * math.cos(angle) - x * math.sin(angle)) > 0.05:  # slid off the wire
+            break
+        assert x * math.cos(angle) + y * math.sin(angle) < 0.0
 
 
 @pytest.mark.parametrize("count", [4, 20])  # sub-steps: 1 and 5 ms
