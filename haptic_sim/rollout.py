@@ -25,7 +25,7 @@ from haptic_sim.scene.shapes import TOOL
 
 EXCHANGE_NS = 1_000_000
 GAINS = Coupling(2000.0, 2.0, 2.0, 0.002)
-FAR = 1e3  # m, rad or J; nothing goes there but what has blown up
+FAR = 1e3  # times the energy of the scene's start or of the hand's way; nothing comes to so much but what has blown up
 
 
 class LedWorld(Protocol):
@@ -86,7 +86,8 @@ class Rollout(NamedTuple):
     """Result of `rollout`.
 
     Attributes:
-        finite: whether all energies and the tool stayed within 1e3 J, m or rad. A run ends where they do not.
+        finite: whether the energy of bodies and coupling stayed within 1e3 times what the scene had at its start or the
+            hand's way puts into the coupling's spring (1 J at least). A run ends where it does not.
         poses: {body: (n, 3)} poses [m, m, rad] at the start and at each sample.
         spent: processor time of each stride [s], (strides).
         overlap: deepest overlap at the samples [m].
@@ -177,19 +178,22 @@ class Books:
 
     def __init__(self, world: LedWorld, gains: Coupling):
         stored = world.energy()
-        self._world, self._gains, self._start = world, gains, sum(stored)
+        self._world, self._gains, self._start, self._from = world, gains, sum(stored), world.pose(TOOL)
+        self._most = max(1.0, *map(abs, stored))  # J
         self._supplied = self._lost = 0.0
         self.finite, self.created, self.scale = True, 0.0, max(map(abs, stored))
 
     def book(self, handle, supplied: float) -> bool:
         """Books what is there now, the handle at (x, y, theta, …), and `supplied` [J] since; whether it is finite."""
         self._supplied += supplied
-        stored, tool = self._world.energy(), self._world.pose(TOOL)
-        self.finite = all(abs(number) < FAR for number in (*stored, *tool))
+        stored, stretched = self._world.energy(), stretch(self._gains, handle, self._world.pose(TOOL))
+        self._most = max(self._most, stretch(self._gains, handle, self._from))
+        risen = sum(stored) - self._start
+        self.finite = bool(risen < FAR * self._most and stretched < FAR * self._most)
         if self.finite:
-            dissipated = self._supplied - (sum(stored) - self._start)
+            dissipated = self._supplied - risen
             self.created, self._lost = max(self.created, self._lost - dissipated), max(self._lost, dissipated)
-            self.scale = max(self.scale, *map(abs, stored), stretch(self._gains, handle, tool))
+            self.scale = max(self.scale, *map(abs, stored), stretched)
         return self.finite
 
 

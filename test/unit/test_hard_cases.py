@@ -7,14 +7,16 @@ Finite, nothing passed through, no overlap beyond 0.1 mm measured with the shape
 import functools
 import math
 
+import numpy as np
 import pytest
 from examples import searching
 
 from bench.methods import hard_cases
 from bench.reference.trial import attempt, jump
-from haptic_sim.protocol import held
+from haptic_sim.method_registry import make
+from haptic_sim.protocol import StepResult, held
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.rollout import GAINS
+from haptic_sim.rollout import FAR, GAINS, rollout
 from haptic_sim.scene.geometry import framed
 from haptic_sim.scene.language import Scene, load
 
@@ -185,3 +187,52 @@ def test_the_impulse_method_overlaps_by_micrometres_and_gains_no_more_than_pushi
     assert outcome.finite
     assert outcome.overlap <= OVERLAP
     assert outcome.created <= counters.max_contact_force * counters.max_penetration
+
+
+PALLET = {
+    "name": "pallet",
+    "gravity": [0.0, -9.81],
+    "tool": {"mass": 0.1, "pose": [0.0, 0.1, 0.0], "shapes": [{"circle": {"radius": 0.005}}]},
+}
+FLOOR = {"name": "floor", "fixed": True, "shapes": [{"half_plane": {"normal": [0.0, 1.0]}}]}
+
+
+@pytest.mark.parametrize("mass", [0.01, 700.0, 1e5])
+@pytest.mark.parametrize("method", ["partitioned", "impulse"])
+def test_a_load_at_rest_is_no_explosion_however_heavy_it_is(method, mass):
+    load_at_rest = {"name": "load", "mass": mass, "pose": [1.0, 0.15, 0.0], "shapes": [{"box": {"size": [0.8, 0.3]}}]}
+    scene = Scene.model_validate(PALLET | {"bodies": [FLOOR, load_at_rest]})
+    world = make(method, reduce_scene(scene, method), 0.001)
+    world.couple(GAINS)
+    found = rollout(world, held((0.0, 0.1, 0.0)).repeat(25, axis=0), gains=GAINS)
+    assert found.finite and len(found.spent) == 49
+    assert found.created <= 1e-12 * found.scale
+
+
+class Blown:
+    """A world of this energy at its start [J]; a step later it has so many times as much more, and its tool is there."""
+
+    def __init__(self, start, times, at=0.0):
+        self._energies, self._tool = (
+            [(0.0, start), (0.0, start + times * max(1.0, start))],
+            [(0.0, 0.0, 0.0), (at, 0.0, 0.0)],
+        )
+
+    def step(self, target, n):
+        self._energies, self._tool = self._energies[1:], self._tool[1:]
+        return StepResult(0.0)
+
+    def energy(self):
+        return self._energies[0]
+
+    def pose(self, body):
+        return self._tool[0]
+
+
+@pytest.mark.parametrize("start", [0.0, 1e4])
+@pytest.mark.parametrize(("share", "finite"), [(0.99, True), (1.01, False)])
+def test_a_run_ends_where_a_thousand_times_the_energy_of_its_start_has_come_from_nowhere(start, share, finite):
+    far = math.sqrt(2.0 * share * FAR * max(1.0, start) / GAINS.stiffness)  # of the tool from the handle [m]
+    for world in Blown(start, share * FAR), Blown(start, 0.0, far):
+        assert rollout(world, np.zeros((2, 6)), gains=GAINS).finite is finite
+    assert not rollout(Blown(start, math.nan), np.zeros((2, 6)), gains=GAINS).finite
