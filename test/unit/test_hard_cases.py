@@ -210,7 +210,7 @@ def test_a_load_at_rest_is_no_explosion_however_heavy_it_is(method, mass):
 
 
 class Blown:
-    """A world of this energy at its start [J]; a step later it has so many times as much more, and its tool is there."""
+    """A world of this energy at its start [J]; a step later so many times as much more, its tool there."""
 
     def __init__(self, start, times, at=0.0):
         self._energies, self._tool = (
