@@ -32,7 +32,7 @@ COLUMNS = (
     ("motor", 3),
     *((name, 1) for name in ("engage", "exchange_fade", "cancellation_fade", "exchange_energy")),
     *((name, 3) for name in ("energy_given", "margin")),
-    *((name, 1) for name in ("contact_set", "state", "fault", "withheld")),
+    *((name, 1) for name in ("contact_set", "state", "fault", "withheld", "stamp_error", "injections")),
 )
 ROW = np.dtype([(name, "f8", (count,)) if count > 1 else (name, "f8") for name, count in COLUMNS])
 

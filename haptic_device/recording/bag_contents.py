@@ -158,7 +158,7 @@ class Recording:
         orders: order of the stamps of each topic with stamps, by full name.
         seconds: from the first message to the last [s].
         pairs: simultaneous times of the system clock and of CLOCK_MONOTONIC [ns], for `monotonic`.
-        notes: problems of the bag, one sentence each.
+        notes: problems of the bag, one sentence each. Steps of the system clock are here, and no time has them.
 
     Examples:
         >>> from haptic_device.recording import load

@@ -11,8 +11,8 @@ from haptic_device.recording.bag_contents import Joints, Mark, Nanoseconds, Reco
 from haptic_device.recording.columns import CloudColumns, JointColumns
 from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, STAMPED, STRING, types
 from haptic_device.recording.metadata import said_in
-from haptic_device.recording.reader import Collector, Keep, Times, Topic, read
-from haptic_device.sequence_gaps import SequenceGaps, counted
+from haptic_device.recording.reader import Collector, Keep, Topic, read
+from haptic_device.sequence_gaps import SHARED, SequenceGaps, counted
 from haptic_device.status import Status, named_statuses, of_namespace
 
 TOPICS = ("encoder", "motor", "handle", "tool", "trace", "wrench", "pose", "operator/state", "operator/target")
@@ -26,6 +26,7 @@ OTHERS = (
     "scene/state",
     "scene/contacts",
 )  # which not every bag has
+RESTARTS = 3  # of a publisher, in a recording; if its numbers fall more often, and one in a hundred, there are two
 _NODE = "haptic_"  # begins the name of every node of ours
 
 
@@ -70,14 +71,22 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
     _refuse_unknown(bag, namespace, ours, topics, only or ())
     found = {name: topic for name, topic in ours.items() if not topic.refused}
     skipped = {name: counted(topic.times.sequence) for name, topic in topics.items()}
+    back = {one: skipped[f"{namespace}/{one}"].back for one in ours if not f"/{one}".endswith(SHARED)}
+    if twice := [name for name, count in back.items() if count > max(RESTARTS, len(ours[name]) / 100)]:
+        notes.append(f"{namespace or '/'} is recorded twice: two publishers' numbers alternate in {', '.join(twice)}")
     joints, clouds, cloud_stamps = {}, {}, {}
     for name, topic in found.items():
-        if isinstance(topic.collector, JointColumns):
-            joints[name] = _joints(name, topic.collector, topic.times, notes)
-        elif isinstance(topic.collector, CloudColumns):
-            clouds[name] = _cloud(name, topic.collector, notes)
+        columns = topic.collector
+        if isinstance(columns, JointColumns):
+            joints[name] = Joints._make((columns.names, *(one[columns.kept] for one in topic.times), *columns.arrays()))
+        elif isinstance(columns, CloudColumns):
+            clouds[name] = columns.records()
+            notes += [f"topic {name} has no {', '.join(columns.missing)}"] if columns.missing else []
+            notes += _not_numbers(clouds[name], columns.missing) if name == "trace" else []
             if "deadline" not in (clouds[name].dtype.names or ()):
-                cloud_stamps[name] = topic.collector.row_stamps()
+                cloud_stamps[name] = columns.of_rows(topic.times.stamp)
+        if isinstance(columns, JointColumns | CloudColumns) and (others := columns.kept.count(False)):
+            notes.append(f"topic {name}: {others} messages of another layout than the first are left out")
     return Recording(
         bag,
         namespace,
@@ -92,9 +101,7 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
         _lost(bag, skipped),
         {name: order for name, topic in topics.items() if (order := topic.order).stamped},
         _length(topics.values()),
-        _pairs(
-            found["trace"].collector if "trace" in found else None, clouds.get("trace"), joints.get("operator/state")
-        ),
+        _pairs(found.get("trace"), clouds.get("trace"), joints.get("operator/state")),
         tuple(notes),
     )
 
@@ -153,26 +160,18 @@ def _namespaces(topics: Iterable[str], names: Iterable[str]) -> set[str]:
     return {topic[: -len(name) - 1] for topic in topics for name in names if topic.endswith("/" + name)}
 
 
-def _joints(name: str, columns: JointColumns, times: Times, notes: list[str]) -> Joints:
-    kept = columns.kept
-    if others := int(np.sum(~kept)):
-        notes.append(f"topic {name}: {others} messages of another layout than the first are left out")
-    stamp, *parts = columns.arrays()
-    return Joints(columns.names, stamp, *(times if kept.all() else (column[kept] for column in times)), *parts)
+def _not_numbers(rows: Records, missing: list[str]) -> Iterator[str]:
+    """A sentence for each column of the trace with values that are no numbers."""
+    for name in rows.dtype.names or ():
+        if name not in missing and (wrong := np.isnan(rows[name]).reshape(len(rows), -1).any(axis=1).sum()):
+            yield f"trace column {name} is no number in {wrong} of {len(rows)} ticks, which are kept"
 
 
-def _cloud(name: str, columns: CloudColumns, notes: list[str]) -> Records:
-    if columns.others:
-        notes.append(f"topic {name}: {columns.others} messages of another layout than the first are left out")
-    if columns.missing:
-        notes.append(f"topic {name} has no {', '.join(columns.missing)}")
-    return columns.records()
-
-
-def _pairs(trace: Collector | None, rows: Records | None, state: Joints | None) -> tuple[Nanoseconds, Nanoseconds]:
+def _pairs(trace: Topic | None, rows: Records | None, state: Joints | None) -> tuple[Nanoseconds, Nanoseconds]:
     """Times on the system clock and on CLOCK_MONOTONIC: of the trace's blocks, else of `operator/state`."""
-    if rows is not None and isinstance(trace, CloudColumns) and "deadline" in (rows.dtype.names or ()):
-        begins, stamps = np.array(trace.begins, np.int64), np.array(trace.stamps, np.int64)
+    columns = trace.collector if trace else None
+    if trace and isinstance(columns, CloudColumns) and rows is not None and "deadline" in (rows.dtype.names or ()):
+        begins, stamps = np.array(columns.begins, np.int64), trace.times.stamp[columns.kept]
         some = begins < len(rows)
         first = rows["deadline"][begins[some]]
         known = np.isfinite(first)

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Collectors that turn serialized messages into arrays: JointStates by entry, clouds of records by column."""
 
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from haptic_device.recording.layouts import CLOUD, PARTS, STAMPED, layout_of, stamp_of
+from haptic_device.recording.layouts import CLOUD, PARTS, STAMPED, layout_of
 
 
 class Entries(NamedTuple):
@@ -29,7 +28,7 @@ class Entries(NamedTuple):
 
 
 class JointColumns:
-    """Stamps and position, velocity, effort of a JointState topic or one of STAMPED; of the entries wanted, or of all.
+    """Position, velocity, effort of a JointState topic or one of STAMPED; of the entries wanted, or of all.
 
     kept: for each message whether it had the layout of the first; the others are left out.
     """
@@ -39,34 +38,28 @@ class JointColumns:
         self._layout: Any = None  # of the first message
         self._parts: list[npt.NDArray[Any]] = []
         self._count = 0
-        self._kept: list[bool] = []
+        self.kept: list[bool] = []
 
     def add(self, data: list[bytes]) -> None:
         """Takes the next messages. Raises ValueError if the first of all has no such layout."""
         if self._layout is None:
             self._begin(data[0])
         kept = [self._layout.matches(item) for item in data]
-        self._kept += kept
-        stamp, *parts = self._layout.arrays([item for item, keep in zip(data, kept, strict=True) if keep])
-        before, self._count = self._count, self._count + len(stamp)
-        chosen = (array[:, index] for array, index in zip(parts, self._index, strict=True))
-        for part, piece in zip(self._parts, (stamp, *chosen), strict=True):
+        self.kept += kept
+        _, *pieces = self._layout.arrays([item for item, keep in zip(data, kept, strict=True) if keep])
+        before, self._count = self._count, self._count + sum(kept)
+        for part, piece, index in zip(self._parts, pieces, self._index, strict=True):
             _make_room(part, self._count)
-            part[before : self._count] = piece
+            part[before : self._count] = piece[:, index]
 
     def reorder(self, order: npt.NDArray[np.intp]) -> None:
         """Puts all messages into this order."""
-        kept = self.kept
+        kept = np.array(self.kept, bool)
         rows = (np.cumsum(kept) - 1)[order][kept[order]]
-        self._parts, self._kept = [part[rows] for part in self._parts], kept[order].tolist()
-
-    @property
-    def kept(self) -> npt.NDArray[np.bool_]:
-        """Which messages are in the arrays."""
-        return np.array(self._kept, bool)
+        self._parts, self.kept = [part[rows] for part in self._parts], kept[order].tolist()
 
     def arrays(self) -> list[npt.NDArray[Any]]:
-        """Stamps [ns], then position, velocity, effort as (messages, names)."""
+        """Position, velocity, effort as (messages, names)."""
         for part in self._parts:
             part.resize((self._count, *part.shape[1:]), refcheck=False)
         return self._parts
@@ -78,7 +71,7 @@ class JointColumns:
         self.names = tuple(name for name in everything if name in wanted.names)
         index = [everything.index(name) for name in self.names]
         self._index = [index if part in wanted.parts else [] for part in PARTS]
-        self._parts = [np.empty(0, np.int64), *(np.empty((0, len(columns))) for columns in self._index)]
+        self._parts = [np.empty((0, len(columns))) for columns in self._index]
 
 
 RENAMED = {"warmth": "thermal_load", "exchange_let_go": "exchange_released"}
@@ -88,8 +81,8 @@ RENAMED = {"warmth": "thermal_load", "exchange_let_go": "exchange_released"}
 class CloudColumns:
     """Records of a PointCloud2 topic: with the columns and types of a structured type, or all as they are.
 
-    Of the messages taken: stamps [ns], and begins, the index of each one's first record. A column that the messages
-    lack is NaN and stands in `missing`.
+    begins: of each message taken the index of its first record. A column that the messages lack is NaN and stands in
+    `missing`. kept: as of JointColumns.
     """
 
     def __init__(self, columns: np.dtype[np.void] | None = None) -> None:
@@ -97,10 +90,9 @@ class CloudColumns:
         self._rows: npt.NDArray[Any] = np.empty(0)
         self._layout: Any = None  # of the first message
         self._record: Any = None
-        self.stamps: list[int] = []
         self.begins: list[int] = []
         self._count = 0
-        self._kept: list[bool] = []
+        self.kept: list[bool] = []
         self.missing: list[str] = []
 
     def add(self, data: list[bytes]) -> None:
@@ -112,11 +104,10 @@ class CloudColumns:
             self._rows = np.empty(0, self._record if self._wanted is None else self._subset(self._wanted))
         pieces, before = [], self._count
         for message in data:
-            self._kept.append(self._layout.matches(message))
-            if not self._kept[-1]:
+            self.kept.append(self._layout.matches(message))
+            if not self.kept[-1]:
                 continue
             pieces.append(self._layout.records(message))
-            self.stamps.append(stamp_of(message))
             self.begins.append(self._count)
             self._count += len(pieces[-1]) // self._record.itemsize
         _make_room(self._rows, self._count)
@@ -124,29 +115,22 @@ class CloudColumns:
 
     def reorder(self, order: npt.NDArray[np.intp]) -> None:
         """Puts all messages into this order."""
-        kept = np.array(self._kept)
+        kept = np.array(self.kept, bool)
         blocks = (np.cumsum(kept) - 1)[order][kept[order]]
         begins = np.array([*self.begins, self._count])
         rows = [np.arange(begins[block], begins[block + 1]) for block in blocks]
         self._rows = self._rows[np.concatenate([np.empty(0, np.intp), *rows])]
         self.begins = np.cumsum([0, *map(len, rows)])[:-1].tolist()
-        self.stamps = [self.stamps[block] for block in blocks]
-        self._kept = kept[order].tolist()
-
-    @property
-    def others(self) -> int:
-        """Messages of another layout than the first, which are left out."""
-        return len(self._kept) - len(self.begins)
+        self.kept = kept[order].tolist()
 
     def records(self) -> npt.NDArray[np.void]:
         """All records as one structured array."""
         self._rows.resize(self._count, refcheck=False)
         return self._rows
 
-    def row_stamps(self) -> npt.NDArray[np.int64]:
-        """For each record the stamp [ns] of the message that it came in."""
-        counts = [end - begin for begin, end in pairwise([*self.begins, self._count])]
-        return np.repeat(np.array(self.stamps, np.int64), counts)
+    def of_rows(self, stamps: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """For each record the stamp [ns] of its message; stamps: of all messages."""
+        return np.repeat(stamps[self.kept], np.diff([*self.begins, self._count]))
 
     def _subset(self, wanted: np.dtype[np.void]) -> np.dtype[np.void]:
         there = self._record

@@ -6,7 +6,8 @@ of it.
 """
 
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -15,6 +16,7 @@ import numpy.typing as npt
 from mcap.records import Attachment, Channel, Message, Schema
 
 from haptic_device.recording.bag_files import files_of
+from haptic_device.recording.clock_steps import OURS, ClockStep, shifts_of, steps_of, without_steps
 from haptic_device.recording.layouts import HEADED, STAMP_END, stamp_of
 from haptic_device.recording.mcap_records import Records
 
@@ -51,8 +53,9 @@ Choice = Callable[[str, str], Collector | None]
 
 
 class Times(NamedTuple):
-    """Of each message, (messages): received and published in ns of the system clock, and the publisher's sequence."""
+    """Of each message, (messages): stamp (0: none), received, published [ns of the system clock], its number."""
 
+    stamp: npt.NDArray[np.int64]
     received: npt.NDArray[np.int64]
     published: npt.NDArray[np.int64]
     sequence: npt.NDArray[np.int64]
@@ -94,32 +97,41 @@ class Topic:
     def take(self, message: Message) -> None:
         """The next message."""
         self._taken.extend((message.log_time, message.publish_time, message.sequence))
-        if self._headed:
-            self._stamps.append(stamp_of(message.data) if len(message.data) >= STAMP_END else 0)
+        self._stamps.append(stamp_of(message.data) if self._headed and len(message.data) >= STAMP_END else 0)
         if self.collector is not None:
             self._waiting.append(message.data)
             self._bytes += len(message.data)
             if self._bytes >= _BATCH:
                 self._hand_on()
 
-    def end(self) -> None:
-        """All is there: the rest goes to the collector, and all into its order."""
-        self._hand_on()
-        self.times = Times(*np.array(self._taken).reshape(-1, 3).T.astype(np.int64, "C"))
-        self._order = _order_of(self.times)
-        if self._order is not None:
-            self.times = Times(*(column[self._order] for column in self.times))
-            if self.collector is not None and not self.refused:
-                self.collector.reorder(self._order)
+    @cached_property
+    def _taken_in(self) -> tuple[Times, npt.NDArray[np.intp] | None]:
+        """Times as they were taken, and the order of the numbers if messages came so: written so, or stamps rise."""
+        times = Times(np.array(self._stamps), *np.array(self._taken).reshape(-1, 3).T.astype(np.int64, "C"))
+        order = np.argsort(times.sequence, kind="stable")
+        stamps, written = times.stamp[order], np.array_equal(order, np.arange(len(order)))
+        rise = np.all(np.diff(times.sequence[order]) > 0)
+        return times, order if rise and (written or np.all(stamps > 0) and np.all(np.diff(stamps) >= 0)) else None
 
-    @property
-    def order(self) -> StampOrder:
-        """Whether the stamps rise; a message that has none does not count."""
-        stamps = np.array(self._stamps)
-        if self._order is not None and self._headed:
-            stamps = stamps[self._order]
-        steps = np.diff(stamps := stamps[stamps != 0])
-        return StampOrder(len(stamps), int(np.sum(steps < 0)), int(np.sum(steps == 0)))
+    def steps(self, ours: bool) -> list[ClockStep]:
+        """Steps of the system clock that its messages show; ours: their stamps make none."""
+        times, order = self._taken_in
+        return [] if order is None else steps_of(times.received[order], times.stamp[order], ours)
+
+    def end(self, steps: Sequence[ClockStep] = ()) -> None:
+        """All is there: the rest goes to the collector, and all into its order. Its times lose the clock's steps."""
+        self._hand_on()
+        raw, order = self._taken_in
+        if order is None:
+            received = without_steps(raw.received, raw.received, shifts_of(raw.received, steps))
+            order = np.lexsort((raw.sequence, raw.published, received))
+        raw = Times(*(column[order] for column in raw))
+        shifts = shifts_of(raw.received, steps)
+        ways = np.diff(stamps := raw.stamp[raw.stamp != 0])
+        self.order = StampOrder(len(stamps), int(np.sum(ways < 0)), int(np.sum(ways == 0)))
+        self.times = Times._make([*(without_steps(one, raw.received, shifts) for one in raw[:3]), raw.sequence])
+        if self.collector is not None and not self.refused and not np.array_equal(order, np.arange(len(order))):
+            self.collector.reorder(order)
 
     def _hand_on(self) -> None:
         """Hands what waits to the collector, unless that has refused before."""
@@ -129,18 +141,6 @@ class Topic:
                 self.collector.add(waiting)
             except ValueError as error:
                 self.refused = str(error)
-
-
-def _order_of(times: Times) -> npt.NDArray[np.intp] | None:
-    """Indices of the messages in the order in which they came, None if that is the one that they have.
-
-    Numbers that rise are that order, whatever the clock of who received did meanwhile. Else it is that of the times
-    received, as for every reader of bags.
-    """
-    if np.all(np.diff(times.sequence) > 0):
-        return None
-    order = np.lexsort((times.sequence, times.published, times.received))
-    return None if np.array_equal(order, np.arange(len(order))) else order
 
 
 class Contents(NamedTuple):
@@ -164,14 +164,26 @@ def read(bag: Path, collector: Choice) -> Contents:
                 _read_file(file.name, Records(stream), contents, collector)
         except ValueError as error:
             refused.append(f"{file}: {error} ({file.stat().st_size} bytes)")
-    for name, topic in list(contents.topics.items()):
-        topic.end()
-        if not len(topic):
-            del contents.topics[name]
-    contents.notes.extend(refused)
+    for name in [name for name, topic in contents.topics.items() if not len(topic)]:
+        del contents.topics[name]
+    shown = [(topic.steps(name.endswith(OURS)), len(topic)) for name, topic in contents.topics.items()]
+    steps, _ = max(shown, key=lambda one: (len(one[0]), one[1]), default=([], 0))
+    for topic in contents.topics.values():
+        topic.end(steps)
+    contents.notes.extend([*refused, *_told(steps, contents.topics.values())])
     if not contents.topics:
         raise ValueError(f"bag {bag} holds no message" + "".join(f"; {note}" for note in contents.notes))
     return contents
+
+
+def _told(steps: Iterable[ClockStep], topics: Iterable[Topic]) -> Iterator[str]:
+    """A sentence for each step of the clock: by how much and where."""
+    moved = min((int(topic.times.received.min()) for topic in topics), default=0)
+    for step in steps:
+        way, at = "back" if step.size < 0 else "forward", (step.before - moved) * 1e-9
+        size = f"{abs(step.size) * 1e-9:.3f} s"
+        yield f"{at:.3f} s after the first message the system clock was set {way} by {size}: times count on without it"
+        moved += step.size
 
 
 def _read_file(name: str, records: Records, contents: Contents, collector: Choice) -> None:

@@ -85,7 +85,7 @@ def film_of(run: Run) -> Film:
         curves,
         force_on_hand(run, clock),
         coupling_holds(run, clock),
-        _contacts(run, clock, seen.clouds),
+        _contacts(run, clock, seen),
         run.marks,
         _first_contact(run),
         room_of(places, drawing),
@@ -111,6 +111,8 @@ class _Seen:
         self.clouds, said = CloudColumns(), Keep()
         kept: dict[str, Collector] = {f"{namespace}/scene/contacts": self.clouds, f"{namespace}/scene": said}
         contents = read(bag, lambda topic, type_name: kept.get(topic))
+        contacts = contents.topics.get(f"{namespace}/scene/contacts")
+        self.stamps = contacts.times.stamp[self.clouds.kept] if contacts else np.empty(0, np.int64)
         self.notes: list[str] = [t.refused for n, t in contents.topics.items() if n in kept and t.refused]
         self.scene = _scene_of(run, self.state.names, said.data) if self.state else None
 
@@ -167,13 +169,14 @@ def _places(
     return {TOOL: np.full_like(found[HANDLE], np.nan)} | found
 
 
-def _contacts(run: Run, clock: Clock, clouds: CloudColumns) -> list[tuple[int, float, float, float, float]]:
-    if not clouds.stamps:
+def _contacts(run: Run, clock: Clock, seen: _Seen) -> list[tuple[int, float, float, float, float]]:
+    clouds, stamps = seen.clouds, seen.stamps
+    if not len(stamps):
         return []
     rows, ends = clouds.records(), [*clouds.begins[1:], None]
     if not {"x", "y", "force_x", "force_y"} <= set(rows.dtype.names or ()):
         return []
-    found, near = clock.nearest(np.maximum.accumulate(run.since(np.array(clouds.stamps, np.int64))))
+    found, near = clock.nearest(np.maximum.accumulate(run.since(stamps)))
     return [
         (picture, float(row["x"]), float(row["y"]), float(row["force_x"]), float(row["force_y"]))
         for picture in np.flatnonzero(near).tolist()

@@ -5,8 +5,9 @@ import tempfile
 from pathlib import Path
 
 import bag_of_a_run
+import numpy as np
 import pytest
-from bag_of_a_run import SAID, joints, swing, write_run
+from bag_of_a_run import CLOUD, DIAGNOSTICS, SAID, cloud, diagnostics, joints, swing, write_bag, write_run
 
 from haptic_device.analysis.report.reading import read_run
 from haptic_device.analysis.report.verdict import BAD, GOOD, WARN, verdict
@@ -114,3 +115,47 @@ def test_more_than_one_sample_in_a_hundred_late_or_one_tick_missed_is_a_warning(
     assert found.level == level and f"{count} of the device's samples late." in found.rest
     found = judged(miss)
     assert found.level == level and f"{count} of {TICKS} ticks missed" in found.rest
+
+
+@pytest.mark.parametrize("column", ["withheld", "lateness", "position", "margin"])
+def test_no_run_with_a_column_of_which_values_are_missing_is_good(judged, column):
+    def spoil(rows):
+        rows[column][100:200] = np.nan
+
+    found = judged(spoil)
+    assert found.level == WARN and f"trace column {column} is no number in 100 of {TICKS} ticks" in found.rest
+
+
+def test_no_run_that_lacks_ticks_is_good(tmp_path):
+    rows = swing(TICKS)
+    found = verdict(read_run(write_run(tmp_path / "run", np.delete(rows, slice(800, 807)))))
+    assert found.level == WARN and "Not the whole run was read: 7 ticks are missing from the trace; " in found.rest
+
+
+@pytest.mark.parametrize("last, level", [(2, GOOD), (5, WARN)])
+def test_no_run_of_which_messages_were_lost_is_good(tmp_path, last, level):
+    rows, names = swing(TICKS), ("stiffness", "damping", "rotational_stiffness", "rotational_damping")
+    tail = (*names, "exchange_method", "session", "sequence")
+    handle = joints(("x", *tail), [0.0] * 8, 0)
+    tool = joints(("answered",), [1.0], 0)
+    messages = [("/haptic/trace", CLOUD, cloud(rows), 1, 1)]
+    messages += [("/haptic/handle", bag_of_a_run.JOINTS, handle, number, number) for number in (1, last)]
+    messages += [("/haptic/tool", bag_of_a_run.JOINTS, tool, number, number) for number in (1, 2)]
+    found = verdict(read_run(write_bag(tmp_path / "run", *messages)))
+    assert (f"{last - 2} messages of handle were lost" in found.rest) == (level == WARN)
+    assert ("Not the whole run was read" in found.rest) == (level == WARN)
+
+
+@pytest.mark.parametrize("dropped, level", [(0, GOOD), (180, WARN)])
+def test_no_run_of_which_the_driver_left_rows_out_is_good(tmp_path, dropped, level):
+    run = read_run(write_run(tmp_path / "run", swing(TICKS)))
+    said = [diagnostics("haptic_driver", {"trace_dropped": str(count)}) for count in (20, 20 + dropped)]
+    told = write_bag(tmp_path / "told", *(("/diagnostics", DIAGNOSTICS, one, i, i) for i, one in enumerate(said, 1)))
+    run.recording.diagnostics["haptic_driver"] = read_run(told).recording.statuses("haptic_driver")
+    found = verdict(run)
+    assert found.level == level and (f"{dropped} trace rows were left out" in found.rest) == (level == WARN)
+
+
+def test_a_part_that_cannot_be_judged_says_why_and_no_run_with_one_is_good(tmp_path):
+    found = verdict(read_run(write_bag(tmp_path / "run", ("/haptic/trace", CLOUD, cloud(swing(TICKS))))))
+    assert found.level == WARN and "Not judged: forces (bag " in found.rest and "no topic handle" in found.rest

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from haptic_device.analysis.report.run import AXES, Run
-from haptic_device.recording.bag_contents import Joints, Records
+from haptic_device.recording.bag_contents import Joints
 from haptic_device.recording.bag_topics import TOPICS, load
 from haptic_device.recording.columns import Entries
 
@@ -58,13 +58,11 @@ def read_run(bag: Path | str, namespace: str | None = None) -> Run:
     recording = load(bag, namespace, ONLY)
     run = Run(recording, _name(Path(bag)), list(recording.notes))
     try:
-        rows = run.rows
+        missing = recording.trace_rows_missing if len(run.rows) else 0
     except ValueError as error:
         return _without_trace(run, error)
-    missing = recording.trace_rows_missing
     if missing:
         run.notes.append(f"{missing} ticks are missing from the trace")
-    run.notes += _not_numbers(rows)
     return run
 
 
@@ -81,23 +79,11 @@ def _without_trace(run: Run, error: ValueError) -> Run:
 
 def _no_numbers_in(topics: dict[str, Joints]) -> list[str]:
     """A sentence for each topic with values that are no numbers."""
-    parts = {name: np.isnan(np.hstack([j.position, j.velocity, j.effort])) for name, j in topics.items()}
-    counts = {name: np.asarray(part.any(axis=1)) for name, part in parts.items()}
-    return [
-        f"topic {name}: {np.sum(n)} of {len(n)} messages have values that are no numbers"
-        for name, n in counts.items()
-        if n.any()
-    ]
+    wrong = {name: int(np.isnan(np.hstack(joints[-3:])).any(axis=1).sum()) for name, joints in topics.items()}
+    said = "messages have values that are no numbers"
+    return [f"topic {name}: {count} of {len(topics[name].stamp)} {said}" for name, count in wrong.items() if count]
 
 
 def _name(bag: Path) -> str:
     bag = bag.absolute()
     return bag.parent.name if bag.name == "bag" else bag.name
-
-
-def _not_numbers(rows: Records) -> list[str]:
-    """A sentence for each column with values that are no numbers."""
-    counts = {
-        name: int(np.isnan(rows[name]).reshape(len(rows), -1).any(axis=1).sum()) for name in rows.dtype.names or ()
-    }
-    return [f"trace column {name} is no number in {n} of {len(rows)} ticks" for name, n in counts.items() if n]

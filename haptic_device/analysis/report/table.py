@@ -217,8 +217,6 @@ def _recording(run: Run) -> Entries:
     yield "messages of each topic", ", ".join(topics)
     yield "messages lost", ", ".join(f"{name} {count}" for name, count in lost.items()) or "none"
     yield "stamps that go back, or stand still", _unordered(run)
-    for place, note in enumerate(run.notes, 1):
-        yield f"note {place}", note
 
 
 def _unordered(run: Run) -> str:

@@ -43,7 +43,7 @@ class Verdict(NamedTuple):
 def verdict(run: Run) -> Verdict:
     """The verdict on a run: faults, whether the job was done, energy given, force withheld, ticks and samples late.
 
-    Parts without data in the recording are left out.
+    It is good only where the whole run was read: where something is noted, lost or not judged it says so.
 
     Args:
         run: from `read_run`.
@@ -61,11 +61,20 @@ def verdict(run: Run) -> Verdict:
 
 
 def _tried(part: Callable[[Run], Findings], run: Run) -> list[tuple[str, str]]:
-    """What the part finds; nothing where the recording lacks what it needs, of which the tables say why."""
+    """What the part finds; why it judges nothing where the recording lacks what it needs."""
     try:
         return list(part(run))
-    except (ValueError, IndexError, ZeroDivisionError):
-        return []
+    except (ValueError, IndexError, ZeroDivisionError) as error:
+        return [(WARN, f"Not judged: {part.__name__[1:].replace('_', ' ')} ({error})")]
+
+
+def _whole(run: Run) -> Findings:
+    recording, begin = run.recording, f"{run.recording.namespace}/"
+    lost = {name.removeprefix(begin): count for name, count in recording.lost.items() if name.startswith(begin)}
+    missing = [f"{count} {what} were left out" for what, count in recording.left_out.items() if count]
+    missing += [f"{count} messages of {name} were lost" for name, count in lost.items() if count]
+    if missing := run.notes + missing:
+        yield WARN, f"Not the whole run was read: {'; '.join(missing)}"
 
 
 def _faults(run: Run) -> Findings:
@@ -148,7 +157,7 @@ def _answers(run: Run) -> Findings:
         yield WARN, f"Only {found['answered']} of {found['sent']} handle samples were answered"
 
 
-def _mismatch(run: Run) -> Findings:
+def _forces(run: Run) -> Findings:
     if not run.traced or summary.conditions(run.recording)["exchange"] == "wave":  # whose samples carry waves
         return
     rows = summary.engaged_rows(run.recording.trace)
@@ -158,4 +167,4 @@ def _mismatch(run: Run) -> Findings:
 
 
 _ENDING = (_faults, _job)
-_REST = (_energy, _withheld, _mismatch, _timing, _answers)
+_REST = (_whole, _energy, _withheld, _forces, _timing, _answers)
