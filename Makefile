@@ -48,10 +48,10 @@ $(READY): setup.py setup.cfg constraints.txt
 	  echo "setup: creating $(VENV) with $$("$$python" -V)"; \
 	  "$$python" -m venv --clear $(VENV); \
 	fi
-	@echo "setup: installing packages into $(VENV) (about a minute the first time)"
-	@if ! $(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt -e '.[ros,test,bench]' 2>&1 \
-	  | tee $(VENV)/setup.log | awk '/^ *Collecting / {n++; if (n % 20 == 0) {print "setup: " n " packages found"; fflush()}} \
-	    /^Installing collected/ {print "setup: unpacking"; fflush()}'; then \
+	@echo "setup: installing packages into $(VENV) (some minutes the first time)"
+	@for second in $$(seq 10 10 3600); do sleep 10 &>/dev/null; echo "setup: $$second s, $$(tail -n 1 $(VENV)/setup.log | cut -c 1-90)"; done & \
+	said=$$!; trap 'kill $$said' EXIT; \
+	if ! $(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt -e '.[ros,test,bench]' >$(VENV)/setup.log 2>&1; then \
 	  grep -E '^ *(ERROR|error):' $(VENV)/setup.log >&2 || tail -n 5 $(VENV)/setup.log >&2; \
 	  echo "setup: pip could not install the packages above; the first setup needs the Python Package Index or a mirror (PIP_INDEX_URL), later runs need no network; the whole log is $(VENV)/setup.log" >&2; \
 	  exit 1; \
