@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Device description: what a haptic device is made of, in SI, read from YAML."""
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -16,6 +17,9 @@ Positive = Annotated[float, Field(gt=0.0, le=1e9, allow_inf_nan=False, strict=Tr
 NotNegative = Annotated[float, Field(ge=0.0, le=1e9, allow_inf_nan=False, strict=True)]
 Number = Annotated[float, Field(ge=-1e9, le=1e9, allow_inf_nan=False, strict=True)]
 Sign = Literal[1, -1]
+STRAIGHT, TURNING = (5.0, "m", "mm"), (8.0 * math.pi, "rad", "degrees")
+"""Farthest from 0 that a handle is led, a step and an arm, or four turns; its unit, and one that is no SI."""
+FEWEST = 100  # counts in a workspace: with fewer, one is more than a hundredth of it
 SUB_STEP = 50_000  # [ns] longest step of the simulated device's exact motion
 MOST_STIFF = 1.0 / (SUB_STEP * 1e-9)  # [1/s] damping over mass up to which the plant's series converges fast
 
@@ -44,13 +48,13 @@ class Axis(Part):
 
     Attributes:
         name: x, y or theta.
-        counts_per_unit (float): encoder counts per m | rad.
+        counts_per_unit (float): encoder counts per m | rad; at least 100 in the workspace.
         encoder_sign: −1 where the encoder counts the other way.
         zero (float): position of the device where the encoder counts 0 [m | rad].
         motor_constant (float): force per unit of the motor's command [N | N m].
         motor_sign: −1 where the motor pushes the other way.
         motor_limit (float): largest force of the motor [N | N m].
-        workspace (tuple[float, float]): lowest and highest position [m | rad].
+        workspace (tuple[float, float]): lowest and highest position, at most 5 m or four turns from 0 [m | rad].
         velocity_limit (float): largest speed allowed for the axis [m/s | rad/s].
         mass (float): moving mass or inertia m of the mechanism [kg | kg m²].
         damping (float): physical damping b of the mechanism [N s/m | N m s/rad].
@@ -80,6 +84,12 @@ class Axis(Part):
     def _sensible(self) -> Self:
         if self.damping / self.mass > MOST_STIFF:
             raise ValueError(f"damping/mass is {self.damping / self.mass:g} 1/s; the limit is {MOST_STIFF:g} 1/s")
+        (low, high), (far, unit, other) = self.workspace, TURNING if self.name == "theta" else STRAIGHT
+        if max(-low, high) > far:
+            raise ValueError(f"workspace is [{low:g}, {high:g}] {unit}; the limit is ±{far:.4g} {unit} (not {other})")
+        if (count := self.counts_per_unit * (high - low)) < FEWEST:
+            given = f"counts_per_unit is {self.counts_per_unit:g} counts/{unit}, {count:.4g} in the workspace"
+            raise ValueError(f"{given}; at least {FEWEST} counts in it are needed")
         return self
 
     @field_validator("workspace")

@@ -6,10 +6,11 @@ makes its Codec, and `compiled()`, its two functions (haptic_device/link/codec).
 """
 
 import importlib
+import termios
 from types import ModuleType
 from typing import Annotated, Any
 
-from pydantic import Field, ValidationError, model_serializer, model_validator
+from pydantic import AfterValidator, Field, ValidationError, model_serializer, model_validator
 
 from haptic_device.refusal import Part, Unit, sentences
 
@@ -22,14 +23,22 @@ LINKS = {
 """Links on a line, which haptic_bridge serves."""
 SERVED = "loopback", "shared_memory"
 """Links that another process serves: haptic_loopback, or one of the user's own. They have no other keys."""
-MOST_BAUD = 12_000_000
+SPEEDS = {int(n[1:]): v for n, v in vars(termios).items() if n[:1] == "B" and n[1:].isdigit() and int(n[1:]) >= 1200}
+"""Of serial lines [bit/s]: lower ones carry no samples, and 0 hangs up."""
+BAUDS = f"{', '.join(map(str, sorted(SPEEDS)))} bit/s"
+
+
+def _known(baud: int) -> int:
+    if baud not in SPEEDS:
+        raise ValueError(f"it should be one of {BAUDS}")
+    return baud
 
 
 class SerialOptions(Part):
     """A serial line: its port, a path or a link below /dev/serial/by-id; baud [bit/s], without meaning on USB CDC."""
 
     port: Annotated[str, Field(min_length=1)]
-    baud: Annotated[int, Field(ge=1200, le=MOST_BAUD, strict=True), Unit("bit/s")] = 115200
+    baud: Annotated[int, Field(strict=True), AfterValidator(_known), Unit("bit/s")] = 115200
 
 
 class UdpOptions(Part):
@@ -53,8 +62,8 @@ class Link(Part):
         told = dict(given)
         name = told.pop("type", None)
         if name not in (*SERVED, *LINKS):
-            known = ", ".join((*SERVED, *LINKS))
-            raise ValueError(f"type is missing; write one of {known}" if name is None else _none_of(name, known))
+            said = "missing; write" if name is None else f"{name!r}; it should be"
+            raise ValueError(f"type is {said} one of {', '.join((*SERVED, *LINKS))}")
         if name in SERVED:
             if told:
                 raise ValueError(f"type {name} has no key {next(iter(told))!r}")
@@ -80,10 +89,6 @@ def _module(name: str) -> ModuleType:
     if missing := [part for part in ("Options", "codec", "compiled") if not hasattr(module, part)]:
         raise ValueError(f"type {name}: {LINKS[name]} has no {', '.join(missing)}")
     return module
-
-
-def _none_of(name: Any, known: str) -> str:
-    return f"type is {name!r}; it should be one of {known}"
 
 
 def _options(name: str, told: dict[str, Any]) -> Part:

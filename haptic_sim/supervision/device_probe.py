@@ -20,6 +20,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from haptic_device.link_registry import BAUDS, SPEEDS
+
 VERSION, HELLO, GREETING = 1, 1, 2
 HEADER, CRC = struct.Struct("<BBHIII"), struct.Struct("<I")
 PAYLOAD = struct.Struct("<24sII3f3fIIII")
@@ -27,7 +29,6 @@ GREETED = HEADER.size + PAYLOAD.size + CRC.size
 TORQUE = 2  # of Haply's firmware: "02 id f32 f32"
 AGAIN = 0.05  # [s] between two hellos
 MOST = 4096  # bytes of a line that are kept without a 0 among them
-SPEEDS = {int(name[1:]): getattr(termios, name) for name in dir(termios) if name[0] == "B" and name[1:].isdigit()}
 
 
 class Greeting(NamedTuple):
@@ -105,8 +106,8 @@ def ask_serial(port: Path | str, baud: int, patience: float) -> Greeting | None:
 
     Raises ValueError for a baud that serial lines do not have.
     """
-    if baud not in SPEEDS or not baud:
-        raise ValueError(f"baud is {baud} bit/s; it must be one of {', '.join(map(str, sorted(SPEEDS)[1:]))}")
+    if baud not in SPEEDS:
+        raise ValueError(f"baud is {baud}: it should be one of {BAUDS}")
     line = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         _make_raw(line, SPEEDS[baud], port)

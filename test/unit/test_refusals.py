@@ -40,6 +40,7 @@ MORE, LEAST, MOST = (
 )
 MAPPED, FINITE = "it should be a mapping of names to values", "it should be a finite number"
 LISTED, WHOLE, TRUTH = "it should be a list", "it should be a whole number", "it should be true or false"
+FEW, TURNS = "in the workspace; at least 100 counts in it are needed", "the limit is ±25.13 rad (not degrees)"
 KINDS = "one of loopback, shared_memory, serial, udp, haply, moteus"
 
 IN_A_SCENE = [
@@ -162,7 +163,20 @@ IN_A_DEVICE = [
     ("axes.2.mass", 1e-7, "axes[2]: damping/mass is 3e+07 1/s; the limit is 20000 1/s"),
     ("axes.0.damping", 2000.1, "axes[0]: damping/mass is 20001 1/s; the limit is 20000 1/s", 2000.0),
     ("axes.2.damping", 2e9, f"axes[2].damping is 2000000000.0: {MOST} 1e+09 N m s/rad"),
-    ("axes.0.counts_per_unit", 0.0, f"axes[0].counts_per_unit is 0.0: {MORE} 0 counts/m", 1.0),
+    ("axes.0.counts_per_unit", 0.0, f"axes[0].counts_per_unit is 0.0: {MORE} 0 counts/m"),
+    ("axes.0.counts_per_unit", 499.0, f"axes[0]: counts_per_unit is 499 counts/m, 99.8 {FEW}", 500.0, 501.0),
+    ("axes.2.counts_per_unit", 1.0, f"axes[2]: counts_per_unit is 1 counts/rad, 0.2 {FEW}", 500.0),
+    ("axes.1.workspace", [0.0, 0.00049], f"axes[1]: counts_per_unit is 200000 counts/m, 98 {FEW}", [0.0, 0.00051]),
+    (
+        "axes.0.workspace",
+        [-100.0, 100.0],
+        "axes[0]: workspace is [-100, 100] m; the limit is ±5 m (not mm)",
+        [-5.0, 5.0],
+    ),
+    ("axes.0.workspace", [-5.001, 0.0], "axes[0]: workspace is [-5.001, 0] m; the limit is ±5 m (not mm)"),
+    ("axes.1.workspace", [4.0, 5.001], "axes[1]: workspace is [4, 5.001] m; the limit is ±5 m (not mm)", [4.0, 5.0]),
+    ("axes.2.workspace", [-30.0, 30.0], f"axes[2]: workspace is [-30, 30] rad; {TURNS}", [-25.13, 25.13]),
+    ("axes.2.workspace", [0.0, 25.14], f"axes[2]: workspace is [0, 25.14] rad; {TURNS}", [0.0, 25.13]),
     ("axes.0.motor_limit", nan, f"axes[0].motor_limit is nan: {FINITE} in N"),
     ("axes.0.workspace", [0.1, -0.1], "axes[0].workspace is [0.1, -0.1]: write [low, high]"),
     ("axes.0.workspace", [0.1], "axes[0].workspace[1] is missing; add it"),
@@ -196,8 +210,10 @@ ON_A_SERIAL_LINE = [
     ("link.port", 3, "link: port is 3: it should be text"),
     ("link.port", "", "link: port is '': it should have a character at least"),
     ("link.speed", 1, "link: has no key 'speed'; known here are port, baud, program"),
-    ("link.baud", 1199, f"link: baud is 1199: {LEAST} 1200 bit/s", 1200),
-    ("link.baud", 12_000_001, f"link: baud is 12000001: {MOST} 1.2e+07 bit/s", 12_000_000),
+    ("link.baud", 0, "link: baud is 0: it should be one of 1200, 1800, 2400, 4800, 9600, ", 1200),
+    ("link.baud", 600, "link: baud is 600: it should be one of 1200, ", 1800),
+    ("link.baud", 250_000, "link: baud is 250000: it should be one of 1200, ", 230_400, 460_800),
+    ("link.baud", 4_000_001, "link: baud is 4000001: it should be one of 1200, ", 4_000_000),
     ("link.baud", 9600.0, f"link: baud is 9600.0: {WHOLE}"),
     ("link.baud", True, f"link: baud is True: {WHOLE}"),
 ]
