@@ -19,6 +19,7 @@ from haptic_sim.node_parameters import NODES
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.method_choice import refusal
 from haptic_sim.reduction.promise import unkept_wish
+from haptic_sim.scene.checks import hand_inside, too_large
 from haptic_sim.scene.language import load as load_scene
 from haptic_sim.scene.motion import flat_motion
 
@@ -51,9 +52,10 @@ def problems(path: Path, measure: Measure = _unknown) -> list[str]:
             document = yaml_reader.load(path, ros=True)
             return [*operating_point_problems(document, NODES), *dict.fromkeys(_together(document, path, measure))]
         if "axes" in document:
-            return _found(load_device, path)
+            return _refused(load_device, path)
         if "bodies" in document or "tool" in document:
-            return [*_found(load_scene, path), *_motion(document.get("motion"))] or _unfit(load_scene(path))
+            wrong = [*_refused(load_scene, path), *_motion(document.get("motion"))]
+            return wrong or [*_unfit(scene := load_scene(path)), *_unled(scene)]
         raise ValueError(
             f"neither an operating point ({SECTION}), a device description (axes) nor a scene (bodies, tool): "
             f"it has {', '.join(document) or 'no keys'}"
@@ -71,6 +73,14 @@ def _unfit(scene, method=AUTO) -> list[str]:
     except ValueError as refused:
         return [str(refused)]
     return [refused] if (refused := refusal(scene, reduced.model, reduced.shape_names, reduced.method)) else []
+
+
+def _unled(scene, start=None, scale=1.0) -> Iterator[str]:
+    """Why a hand could not lead the tool of a right scene; start: of its motion, if that is not the scene's."""
+    yield from too_large(scene.tool, scale)
+    if start or scene.motion:
+        start = start or scene.motion.get("start", defaults(OPERATOR)["motion.start"])
+        yield from hand_inside(tuple(scene.solids.values()), scene.kept_apart, start)
 
 
 def remark(path: Path, measure: Measure = _unknown) -> str:
@@ -123,11 +133,14 @@ def _too_late(document, path, measure) -> str:
     return f"99 % of the writes here are within {late * 1e3:.3g} ms, and {sentence}" if sentence else ""
 
 
-def _found(load, path) -> list[str]:
+def _refused(look, at) -> list[str]:
+    """What is said where a look at this raises it."""
     try:
-        load(path)
+        look(at)
     except ConfigError as error:
-        return [sentence.removeprefix(f"{path}: ") for sentence in error.found]
+        return [sentence.removeprefix(f"{at}: ") for sentence in error.found]
+    except ValueError as error:
+        return [str(error)]
     return []
 
 
@@ -157,7 +170,9 @@ def _together(document, path, measure) -> Iterator[str]:
         yield from judge(content, values[node], wrong[node])
     yield from _two_devices(loaded, given, values)
     if given["haptic_simulation"].get("scene") and {"haptic_simulation", "haptic_loopback"} <= set(loaded):
-        yield from _scene_beyond(loaded["haptic_simulation"], loaded["haptic_loopback"], values["haptic_loopback"])
+        hand, scale = values["haptic_loopback"], loaded.get("haptic_driver", loaded["haptic_loopback"]).scale[0]
+        start = hand["motion.start"] if _any(given["haptic_loopback"], "motion.") else None
+        yield from _scene_beyond(loaded["haptic_simulation"], loaded["haptic_loopback"], hand, start, scale)
 
 
 def _two_methods(values, wrong) -> Iterator[str]:
@@ -193,11 +208,12 @@ def _differences(one, other) -> str:
     return ", ".join(keys or ["name"])
 
 
-def _scene_beyond(scene, device, values) -> Iterator[str]:
-    """What of the motion that a scene suggests lies outside the workspace of the loopback's device."""
+def _scene_beyond(scene, device, values, start, scale) -> Iterator[str]:
+    """What is too large for the driver's device, or of the suggested motion outside the workspace of the loopback's."""
     motion = values | {f"motion.{key}": value for key, value in scene.motion.items()}
     if not _motion(scene.motion):
-        yield from (f"scene {scene.name!r}: {sentence}" for sentence in loopback_config.outside(device, motion))
+        found = *_unled(scene, start, scale), *loopback_config.outside(device, motion)
+        yield from (f"scene {scene.name!r}: {sentence}" for sentence in found)
 
 
 def _driver(measure, device, values, wrong) -> Iterator[str]:
@@ -238,10 +254,7 @@ def _simulation(scene, values, wrong) -> Iterator[str]:
 def _hand(device, values, wrong) -> Iterator[str]:
     """What of a loopback's values does not fit its device."""
     if not _any(wrong, "motion."):
-        try:
-            yield from loopback_config.outside(device, values)
-        except ValueError as error:
-            yield str(error)
+        yield from _refused(operator_hand.script, values) or loopback_config.outside(device, values)
 
 
 def _any(names, begin) -> bool:
@@ -253,26 +266,13 @@ def _motion(motion) -> list[str]:
     known, wrong = {parameter.name: parameter for parameter in OPERATOR if parameter.name.startswith("motion.")}, []
     if not isinstance(motion, dict):  # which the scene's language refuses, if it is there
         return []
-    try:
-        motion = flat_motion(motion)
-    except ValueError:  # likewise
+    if _refused(flat_motion, motion):  # likewise
         motion = {**motion, "waypoints": [0.0, 0.0, 0.0]}
-    for key, value in motion.items():
-        try:
-            if f"motion.{key}" not in known:
-                raise ValueError(unknown(f"motion.{key}", "a parameter of haptic_loopback", known))
-            check_value(known[f"motion.{key}"], value)
-        except ValueError as error:
-            wrong.append(str(error))
-    return wrong or _script(motion)
-
-
-def _script(motion) -> list[str]:
-    try:
-        operator_hand.script(defaults(OPERATOR) | {f"motion.{key}": value for key, value in motion.items()})
-    except ValueError as error:
-        return [str(error)]
-    return []
+    motion = {f"motion.{key}": value for key, value in flat_motion(motion).items()}
+    for name, value in motion.items():
+        strange = [] if name in known else [unknown(name, "a parameter of haptic_loopback", known)]
+        wrong += strange or _refused(functools.partial(check_value, known[name]), value)
+    return wrong or _refused(operator_hand.script, defaults(OPERATOR) | motion)
 
 
 def _has_section(document):

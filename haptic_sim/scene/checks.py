@@ -16,6 +16,7 @@ from haptic_sim.scene.shapes import TOOL, AnySolid, HalfPlane, Point
 TOUCHING = 1e-9  # overlap [m] up to which two bodies count as touching: rounding of poses, far below any feature
 TOGETHER = 1e-6  # m; anchors nearer than this count as met: a scene file rounds its poses
 APART = 1e-6  # m/s; speed up to which the start may pull a joint apart: rounding of velocities
+LARGEST = 1.0  # m; no hand leads a larger tool, and one of 1 mm or more is larger if it is written in mm
 ALONG = HALF_PLANE / 2.0  # m; farthest from a half-plane's point, along it, that a body may start
 
 Solids = Sequence[AnySolid]
@@ -108,6 +109,20 @@ def overlaps(solids: Solids, apart: Set[frozenset[str]]) -> Iterator[str]:
                 f"{_path(k)} ({b.name!r}) overlaps {_path(i)} ({a.name!r}) by {depth * 1e3:.4g} mm at the start; "
                 "move one of them away by at least that"
             )
+
+
+def hand_inside(solids: Solids, apart: Set[frozenset[str]], start: Sequence[float]) -> Iterator[str]:
+    """Bodies of a right scene that the tool is in where the hand starts: the driver would wait for a small force."""
+    led = solids[0].model_copy(update={"pose": tuple(start)}), *solids[1:]
+    for sentence in overlaps(led, apart) if len(start) == len(led[0].pose) else ():
+        yield f"motion.start is {list(start)}, which leads the tool into a body: {sentence}"
+
+
+def too_large(tool: AnySolid, scale: float) -> Iterator[str]:
+    """Why the tool is none for a hand; scale: world metres per device metre."""
+    low, high = _around(tool)
+    if (across := max(high[0] - low[0], high[1] - low[1])) > LARGEST * scale:
+        yield f"tool is {across:.4g} m across; the limit is {LARGEST * scale:g} m: write lengths in m, not in mm"
 
 
 def beyond_half_planes(solids: Solids) -> Iterator[str]:

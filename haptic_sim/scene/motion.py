@@ -12,19 +12,24 @@ SECONDS = 4.0  # of a motion that does not say how long it takes
 
 
 def flat_motion(motion: dict[str, Any]) -> dict[str, Any]:
-    """A motion as the hand's parameters have it: waypoints [x, y] or [x, y, theta] behind each other, as x, y, theta.
+    """A motion as parameters have it: decimal numbers, but for `taps`; waypoints [x, y] or [x, y, theta] in one list.
 
-    One without theta keeps that of the start. Raises ValueError for waypoints of another length.
+    A waypoint without theta keeps that of the start. Raises ValueError for waypoints of another length.
     """
-    points = motion.get("waypoints")
-    if not isinstance(points, list) or not any(isinstance(point, list) for point in points):
-        return motion
-    start = motion.get("start")
-    turned = start[2] if isinstance(start, list) and len(start) == 3 else 0.0
-    for i, point in enumerate(points):
-        if not isinstance(point, list) or len(point) not in (2, 3):
-            raise ValueError(f"waypoints[{i}] is {point}; write [x, y] or [x, y, theta]")
-    return {**motion, "waypoints": [number for point in points for number in (*point, turned)[:3]]}
+    points, start = motion.get("waypoints"), motion.get("start")
+    if isinstance(points, list) and any(isinstance(point, list) for point in points):
+        turned = start[2] if isinstance(start, list) and len(start) == 3 else 0.0
+        for i, point in enumerate(points):
+            if not isinstance(point, list) or len(point) not in (2, 3):
+                raise ValueError(f"waypoints[{i}] is {point}; write [x, y] or [x, y, theta]")
+        motion = {**motion, "waypoints": [number for point in points for number in (*point, turned)[:3]]}
+    return {key: value if key == "taps" else _decimal(value) for key, value in motion.items()}
+
+
+def _decimal(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_decimal(item) for item in value]
+    return float(value) if type(value) is int and value.bit_length() < 64 else value
 
 
 def way_of(motion: dict[str, Any], pose: Place) -> tuple[Place, ...]:

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
+from haptic_device.control.enable_state import STATES, WAITING
 from haptic_device.digits import amount
 from haptic_device.status import number
 from haptic_sim.client import Client
@@ -16,6 +17,7 @@ NODES, LOOPBACK, BRIDGE = ("haptic_driver", "haptic_simulation"), "haptic_loopba
 AFTERWARDS = 0.6  # s: the nodes' diagnostics come twice a second, the last one shall be of the end
 NUMBER = 0.2  # s within which the driver tells the number of a fault
 LOOK_PERIOD = 0.05  # s
+PATIENCE = 30.0  # s that the driver may wait for a small force: a hand that is simulated holds still until then
 
 
 Check = Callable[[], dict[str, str]]
@@ -38,10 +40,10 @@ def follow(
 ) -> Ending:
     """Returns when `seconds` have passed since the first motor command or, if None, when the motion has ended.
 
-    A fault that is latched ends the run, for nobody will clear it. So does the end of all news (news.py); the device's
-    clock is news only when the motion has begun, or a display that never engages would be waited for without end. At
-    each look `check` is called, which may raise and gives the last line that each node printed, and `show` hears how it
-    goes; `tell` hears of a fault as soon as it is latched.
+    A fault that is latched ends the run, for nobody will clear it. So does a driver that waits for a small force for
+    PATIENCE, and the end of all news (news.py); the device's clock is news only when the motion has begun, or a display
+    that never engages would be waited for without end. At each look `check` is called, which may raise and gives the
+    last line that each node printed, and `show` hears how it goes; `tell` hears of a fault as soon as it is latched.
     """
     run, nodes = _Run(client, check, show, tell), (*NODES, BRIDGE if BRIDGE in check() else LOOPBACK)
     if why := run.wait(lambda: run.commanded, News(client, *nodes)):
@@ -79,6 +81,8 @@ class _Run:
                 self.rest(NUMBER)
                 number, first = (self._client.said("haptic_driver", f"fault_{entry}") for entry in ("detail", "first"))
                 return f": {what_to_do(said, number, first=first)}"
+            if news and self._withheld():
+                return f": {self._client.statuses['haptic_driver'].message}"
             if news and news.ended(printed):
                 return f", and {news.last_words()}"
             self._pause()
@@ -95,6 +99,10 @@ class _Run:
         self.begun |= self._client.said("haptic_driver", "state") == "engaged"
         self.commanded |= self._client.motor_commanded or self.begun  # a fault may end it between two looks
         return self._check()
+
+    def _withheld(self) -> bool:
+        state, seconds = (self._client.said("haptic_driver", entry) for entry in ("state", "withheld_s"))
+        return state == STATES[WAITING] and number(seconds) >= PATIENCE
 
     def _pause(self) -> None:
         self._show(_line(self._client))

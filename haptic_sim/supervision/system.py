@@ -7,7 +7,7 @@ from typing import NamedTuple
 from haptic_device.config_files import find
 from haptic_device.description import load_device
 from haptic_device.parameter_files import PLACES, read_operating_point
-from haptic_device.parameter_types import check_value, unknown
+from haptic_device.parameter_types import check_value, defaults, unknown
 from haptic_sim.node_parameters import NODES
 from haptic_sim.supervision.device_programs import LOOPBACK, MODULES, REFERENCE, device_programs
 from haptic_sim.supervision.processes import Program
@@ -47,12 +47,13 @@ class Order(NamedTuple):
 
 def programs_of(order: Order) -> list[Program]:
     """Nodes and device in the order of their start; they are stopped in the reverse order, the recorder last."""
-    from haptic_sim.scene.language import load  # geometry, which a command that only parses does without
+    from haptic_sim.scene.checks import hand_inside  # geometry, which a command that only parses does without
+    from haptic_sim.scene.language import load
 
     said = read_operating_point(order.params, NODES)
     scene = find("scenes", order.scene).absolute()
-    suggested = {f"motion.{key}": value for key, value in load(scene).motion.items()}
-    motion = {} if _moved_by_file(said, scene) else suggested
+    world = load(scene)
+    motion = {} if _moved_by_file(said, scene) else {f"motion.{key}": value for key, value in world.motion.items()}
     driver = {"servo.rate": order.rate, "exchange.method": order.exchange}
     driver |= {"auto_enable": True, "auto_enable_wait": TOGETHER}
     given = {
@@ -74,13 +75,17 @@ def programs_of(order: Order) -> list[Program]:
     for name, values in given.items():
         program = _program(name, values, NODES[name], order.params)
         programs += _device(program, said[LOOPBACK], order) if name == LOOPBACK else [program]
+    hand = defaults(NODES[LOOPBACK]) | said[LOOPBACK] | given[LOOPBACK]
+    if led_by_hand(programs) and hand["motion.name"] != "follow":  # one that follows is led out by a person
+        for inside in hand_inside(tuple(world.solids.values()), world.kept_apart, hand["motion.start"]):
+            raise ValueError(f"{scene}: {inside}")
     far = FAR if order.relay else {}
     return [program._replace(renamed=far if program.name == "haptic_simulation" else {}) for program in programs]
 
 
 def _device(loopback: Program, said: dict, order: Order) -> list:
     """What the device of the driver needs, in place of the loopback: its hand is that which the loopback would have."""
-    name = loopback.parameters.get("device", _default_device())
+    name = loopback.parameters.get("device", defaults(NODES[LOOPBACK])["device"])
     if load_device(name).link.type == "loopback":
         return [loopback]
     hand = {key: value for key, value in (said | loopback.parameters).items() if key != "device"}
@@ -97,10 +102,6 @@ def is_served_by_others(programs: list) -> bool:
     return not any(program.name in MODULES for program in programs)
 
 
-def _default_device() -> str:
-    return next(parameter.default for parameter in NODES[LOOPBACK] if parameter.name == "device")
-
-
 def _moved_by_file(said: dict[str, dict], scene: Path) -> bool:
     """Whether an operating point names this scene and a motion in it, which then goes before the scene's suggestion."""
     named = said["haptic_simulation"].get("scene")
@@ -112,7 +113,7 @@ def _refuse_bad_devices(given: dict[str, dict], params: Path) -> None:
     """Before any node starts. Raises ValueError, one sentence: of which node, by which operating point, which file."""
     for node in ("haptic_driver", "haptic_loopback"):
         try:
-            load_device(given[node].get("device", _default_device()))
+            load_device(given[node].get("device", defaults(NODES[LOOPBACK])["device"]))
         except (ValueError, OSError) as error:
             raise ValueError(f"{params}: {node}: device {error}") from None
 

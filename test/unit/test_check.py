@@ -6,6 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+from examples import few
+from hypothesis import given
+from hypothesis import strategies as st
 from in_process import haptic
 
 from haptic_sim.config_problems import problems, remark
@@ -255,6 +258,86 @@ def test_of_the_shipped_scenes_only_a_wrench_turned_ten_times_is_beyond_the_ship
         if path.parent.name == "scenes":
             beyond = [f"scene 'spinning_wrench': {turns}"] if path.stem == "spinning_wrench" else []
             assert problems(broken(tmp_path, point(simulation=f"scene: {path.stem}"))) == beyond
+
+
+def wall(tmp_path, **changed):
+    """The scene of this name in which these lines have another value; None leaves a line out."""
+    text = (ROOT / "config/scenes/wall.yaml").read_text()
+    for key, value in changed.items():
+        text, count = re.subn(rf"^  {key}: .*\n", "" if value is None else f"  {key}: {value}\n", text, flags=re.M)
+        assert count == 1, key
+    path = tmp_path / "wall.yaml"
+    path.write_text(text)
+    return path
+
+
+INSIDE = "which leads the tool into a body: bodies[0] ('wall') overlaps tool ('tool') by"
+
+
+def test_a_scene_whose_hand_starts_inside_a_body_is_told_the_body_and_the_depth(tmp_path):
+    starts = {"[0.01, 0.0, 0.0]": "", "[0.0099, 0, 0]": "0.1 mm", "[-0.02, 0, 0]": "30 mm", None: "10 mm"}
+    for start, depth in starts.items():
+        found = problems(wall(tmp_path, start=start))
+        assert len(found) == bool(depth), (start, found)
+        for sentence in found:
+            assert sentence.startswith("motion.start is [") and f"], {INSIDE} {depth} at the start" in sentence
+    text = wall(tmp_path, start=None).read_text()
+    assert problems(broken(tmp_path, text[: text.index("motion:")])) == []  # no hand is simulated for it
+
+
+def test_of_an_operating_point_its_own_motion_goes_before_that_of_the_scene(tmp_path):
+    wall(tmp_path, start="[-0.02, 0.0, 0.0]")
+    inside, outside = "motion: {start: [0.0, 0.0, 0.0]}", "motion: {start: [0.02, 0.0, 0.0]}"
+    for loopback, depth in ((None, "30 mm"), (inside, "10 mm"), (outside, "")):
+        nodes = {"simulation": "scene: ./wall.yaml"} | ({"loopback": loopback} if loopback else {})
+        found = problems(broken(tmp_path, point(**nodes)))
+        assert len(found) == bool(depth) and all(f"{INSIDE} {depth} at the start" in sentence for sentence in found)
+
+
+def test_numbers_of_a_motion_are_taken_without_a_point_as_those_of_bodies_are(tmp_path):
+    ints = {"start": "[1, 0, 0]", "target": "[-0.02, 0, 0]", "duration": "1"}
+    assert problems(wall(tmp_path, **ints)) == []
+    motion = load(tmp_path / "wall.yaml").motion
+    assert all(type(number) is float for number in (*motion["start"], *motion["target"], motion["duration"]))
+    for key, value, said in (
+        ("duration", "true", "motion.duration is true (boolean); "),
+        ("duration", "0", "motion.duration is 0.0 s; at least 0.1 s"),
+        ("start", "[1, 0, true]", "motion.start[2] is true (boolean); "),
+        ("start", "[1, 0]", "motion.start has 2 numbers; write 3"),
+        ("start", "[11, 0, 0]", "motion.start[0] is 11.0 m, m, rad; at most 10.0"),
+        ("name", "tap\n  taps: 2.0", "motion.taps is 2.0 (decimal number); "),
+    ):
+        [sentence] = problems(wall(tmp_path, **{key: value}))
+        assert sentence.startswith(said)
+    assert problems(wall(tmp_path, name="tap\n  taps: 2")) == []
+
+
+TOO_LARGE = "tool is {:.4g} m across; the limit is {} m: write lengths in m, not in mm"
+
+
+def tool_of(tmp_path, size):
+    """A scene that has nothing but a tool of this size."""
+    path = tmp_path / "tool.yaml"
+    path.write_text(f"name: tool\ntool: {{mass: 0.1, shapes: [{{box: {{size: [{size}, 1.0e-3]}}}}]}}\n")
+    return path
+
+
+@given(st.floats(1.001e-3, 1.0))
+@few(30)
+def test_a_tool_is_taken_in_metres_and_in_millimetres_it_is_told_that_it_is_too_large(tmp_path_factory, size):
+    folder = tmp_path_factory.mktemp("tool")
+    assert problems(tool_of(folder, size)) == []
+    assert problems(tool_of(folder, 1e3 * size)) == [TOO_LARGE.format(1e3 * size, 1)]
+
+
+def test_a_device_that_makes_its_world_larger_leads_a_tool_as_much_larger(tmp_path):
+    large = (ROOT / "config/devices/desktop.yaml").read_text() + "scale: [3.0, 1.0]\n"
+    (tmp_path / "large.yaml").write_text(large)
+    driver = "device: ./large.yaml, passivity: {policy: warn}"
+    for size, told in ((3.0, False), (3.001, True)):
+        tool_of(tmp_path, size)
+        found = problems(broken(tmp_path, point(driver=driver, simulation="scene: ./tool.yaml")))
+        assert found == ([f"scene 'tool': {TOO_LARGE.format(size, 3)}"] if told else [])
 
 
 def stiff(stiffness, policy="enforce"):

@@ -11,6 +11,7 @@ from haptic_sim.supervision.follow import Ending
 from haptic_sim.supervision.system import Order
 
 SILENT = Ending("the motion did not begin: …", "device_silent", True, False)
+WITHHELD = Ending("no motor command came: waiting for a small force; force withheld for …", "", False, False)
 FELL = "Device does not answer (fault device_silent): the device did not answer for longer than fault.silence"
 WELL = Ending("", "", True, True)
 
@@ -67,6 +68,16 @@ def test_a_device_that_fell_silent_twice_is_said_with_the_limit_and_what_to_do(r
     todo = "end what else keeps the machine busy, take a lower --rate, or write a longer fault.silence into --params"
     assert not done and not found["done"] and found["why"] == f"{FELL} again: {busy}; {todo}"
     assert said.endswith(f"haptic demo: {found['why']}\n")
+
+
+@pytest.mark.parametrize("as_json", [True, False])
+def test_a_driver_that_never_gives_force_is_the_cause_that_is_said_once_and_the_recording_is_kept(
+    ran, tmp_path, as_json
+):
+    done, found, said, left = ran(WITHHELD, as_json=as_json)
+    assert not done and not left and (tmp_path / "run" / "bag").is_dir()
+    assert said.count(WITHHELD.why) == 1
+    assert not as_json or (found["why"], found["bag"]) == (WITHHELD.why, str(tmp_path / "run" / "bag"))
 
 
 @pytest.mark.parametrize(

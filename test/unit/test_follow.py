@@ -8,6 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_up_clock import Clock
 
+from haptic_device.control.enable_state import STATES
+from haptic_device.control.enable_state import WAITING as WAITING_STATE
 from haptic_device.control.faults import TABLE
 from haptic_device.status import Status
 from haptic_sim.fault_sentence import called, what_to_do
@@ -118,6 +120,33 @@ def test_a_start_is_waited_for_as_long_as_there_is_news_and_no_longer(monkeypatc
     ending, _ = run(monkeypatch, WAITING, (later, COMMANDED))
     assert ending.why.startswith(f"no motor command came, and no news for {news.LIMIT:.0f} s: ")
     assert not ending.commanded
+
+
+def holds_back(seconds, state=STATES[WAITING_STATE], cause="waiting"):
+    """A driver that has withheld force for so long, each second in other words."""
+    words = f"{state}; force withheld for {seconds:.1f} s ({cause}): {'x' * int(seconds)}"
+    return says("haptic_driver", words, 1, state=state, withheld=cause, withheld_s=f"{seconds:.1f}")
+
+
+def test_a_driver_that_waits_for_a_small_force_is_waited_for_so_long_and_its_own_words_are_the_cause(monkeypatch):
+    limit, waits = follow.PATIENCE, [(float(t), holds_back(float(t))) for t in range(600)]
+    for begin, seconds, lack in (
+        ([], 2.0, "no motor command came"),
+        ([], None, "no motor command came"),
+        ([(0.0, COMMANDED)], None, "the motion did not begin"),
+    ):
+        ending, took = run(monkeypatch, *begin, *waits, seconds=seconds)
+        words = f"waiting for a small force; force withheld for {limit:.1f} s (waiting): {'x' * int(limit)}"
+        assert ending.why == f"{lack}: {words}" and limit <= took < limit + 1.0
+        assert (ending.fault, ending.commanded, ending.begun) == ("", bool(begin), False)
+
+
+def test_a_driver_that_engages_just_before_that_or_withholds_a_force_that_has_begun_goes_on(monkeypatch):
+    waits = [(float(t), holds_back(float(t))) for t in range(int(follow.PATIENCE))]
+    assert not run(monkeypatch, *waits, (follow.PATIENCE - 0.1, COMMANDED), seconds=2.0)[0].why
+    short = [(float(t), holds_back(float(t), "engaged", "tank")) for t in range(100)]
+    done = (99.0, has(motion_done=True))
+    assert not run(monkeypatch, *short, *going_on(100.0), done, seconds=None)[0].why
 
 
 def test_what_changes_for_ever_is_no_news(monkeypatch):

@@ -160,6 +160,14 @@ def test_a_node_that_is_told_to_end_before_its_python_runs_hears_it_as_soon_as_i
         os.kill(nodes.pid("told_node"), signal.SIGKILL)
 
 
+LED = [
+    (0.009, "desktop", "press_wall", False),
+    (0.01, "desktop", "press_wall", True),
+    (0.009, "own_device", "press_wall", True),  # whose hand is a person's
+    (0.009, "desktop", "follow", True),  # whose hand a page leads out
+]
+
+
 def test_nodes_are_handed_the_files_that_an_operating_point_names_beside_itself(tmp_path):
     (tmp_path / "mine.yaml").write_text(find("devices", "desktop").read_text())
     (tmp_path / "point.yaml").write_text("/**/haptic_driver: {ros__parameters: {device: ./mine.yaml}}\n")
@@ -167,6 +175,19 @@ def test_nodes_are_handed_the_files_that_an_operating_point_names_beside_itself(
     given = {program.name: program.parameters for program in programs_of(order)}
     for name in ("haptic_driver", "haptic_loopback"):
         assert given[name]["device"] == str(tmp_path / "mine.yaml")
+
+
+@pytest.mark.parametrize(("x", "device", "name", "taken"), LED)
+def test_a_simulated_hand_that_starts_inside_a_body_is_refused_and_no_other(tmp_path, x, device, name, taken):
+    scene = tmp_path / "led.yaml"
+    scene.write_text(find("scenes", "wall").read_text().replace("start: [0.03, 0.0, 0.0]", f"start: [{x}, 0, 0]"))
+    hand = {"haptic_loopback": {"motion.name": name}}
+    order = Order(str(scene), 2.0, tmp_path / "out", None, None, find("", "demo"), given=hand, device=device)
+    if taken:
+        assert programs_of(order)
+        return
+    with pytest.raises(ValueError, match=r"led.yaml: motion.start is \[.*: bodies\[0\] \('wall'\) overlaps .* by 1 mm"):
+        programs_of(order)
 
 
 def test_the_command_line_is_quick_to_load():
