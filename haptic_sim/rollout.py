@@ -189,7 +189,7 @@ class Books:
         stored, stretched = self._world.energy(), stretch(self._gains, handle, self._world.pose(TOOL))
         self._most = max(self._most, stretch(self._gains, handle, self._from))
         risen = sum(stored) - self._start
-        self.finite = bool(risen < FAR * self._most and stretched < FAR * self._most)
+        self.finite = bool(math.isfinite(risen) and max(risen - self._supplied, stretched) < FAR * self._most)
         if self.finite:
             dissipated = self._supplied - risen
             self.created, self._lost = max(self.created, self._lost - dissipated), max(self._lost, dissipated)

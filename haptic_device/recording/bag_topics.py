@@ -73,7 +73,8 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
     skipped = {name: counted(topic.times.sequence) for name, topic in topics.items()}
     back = {one: skipped[f"{namespace}/{one}"].back for one in ours if not f"/{one}".endswith(SHARED)}
     if twice := [name for name, count in back.items() if count > max(RESTARTS, len(ours[name]) / 100)]:
-        notes.append(f"{namespace or '/'} is recorded twice: two publishers' numbers alternate in {', '.join(twice)}")
+        where = f"numbers alternate in {', '.join(twice)}"
+        notes.append(f"{namespace or '/'} has messages of two publishers, or none in its order: {where}")
     joints, clouds, cloud_stamps = {}, {}, {}
     for name, topic in found.items():
         columns = topic.collector

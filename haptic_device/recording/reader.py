@@ -5,8 +5,9 @@ Each topic's messages go to a collector in batches, so that a bag of gigabytes i
 of it.
 """
 
+import itertools
 from array import array
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -16,7 +17,7 @@ import numpy.typing as npt
 from mcap.records import Attachment, Channel, Message, Schema
 
 from haptic_device.recording.bag_files import files_of
-from haptic_device.recording.clock_steps import OURS, ClockStep, shifts_of, steps_of, without_steps
+from haptic_device.recording.clock_steps import ClockStep, Written, steps_of, without_steps
 from haptic_device.recording.layouts import HEADED, STAMP_END, stamp_of
 from haptic_device.recording.mcap_records import Records
 
@@ -92,11 +93,11 @@ class Topic:
         self._waiting: list[bytes] = []
 
     def __len__(self) -> int:
-        return len(self._taken) // 3
+        return len(self._taken) // 4
 
-    def take(self, message: Message) -> None:
-        """The next message."""
-        self._taken.extend((message.log_time, message.publish_time, message.sequence))
+    def take(self, message: Message, place: int) -> None:
+        """The next message; place: how many of the bag were before it."""
+        self._taken.extend((place, message.log_time, message.publish_time, message.sequence))
         self._stamps.append(stamp_of(message.data) if self._headed and len(message.data) >= STAMP_END else 0)
         if self.collector is not None:
             self._waiting.append(message.data)
@@ -105,33 +106,27 @@ class Topic:
                 self._hand_on()
 
     @cached_property
-    def _taken_in(self) -> tuple[Times, npt.NDArray[np.intp] | None]:
-        """Times as they were taken, and the order of the numbers if messages came so: written so, or stamps rise."""
-        times = Times(np.array(self._stamps), *np.array(self._taken).reshape(-1, 3).T.astype(np.int64, "C"))
-        order = np.argsort(times.sequence, kind="stable")
-        stamps, written = times.stamp[order], np.array_equal(order, np.arange(len(order)))
-        rise = np.all(np.diff(times.sequence[order]) > 0)
-        return times, order if rise and (written or np.all(stamps > 0) and np.all(np.diff(stamps) >= 0)) else None
+    def written(self) -> Written:
+        """Its messages as they were written, with the steps of the clock."""
+        taken = np.array(self._taken).reshape(-1, 4).T.astype(np.int64, "C")
+        return Written(taken[0], np.array(self._stamps, np.int64), *taken[1:])
 
-    def steps(self, ours: bool) -> list[ClockStep]:
-        """Steps of the system clock that its messages show; ours: their stamps make none."""
-        times, order = self._taken_in
-        return [] if order is None else steps_of(times.received[order], times.stamp[order], ours)
+    def end(self, steps: Sequence[ClockStep]) -> None:
+        """All is there: the rest goes to the collector, all into its order, and the clock's steps out of the times.
 
-    def end(self, steps: Sequence[ClockStep] = ()) -> None:
-        """All is there: the rest goes to the collector, and all into its order. Its times lose the clock's steps."""
+        Numbers that rise as they were written are that order, else the times received are, as for every reader of bags.
+        """
         self._hand_on()
-        raw, order = self._taken_in
-        if order is None:
-            received = without_steps(raw.received, raw.received, shifts_of(raw.received, steps))
-            order = np.lexsort((raw.sequence, raw.published, received))
-        raw = Times(*(column[order] for column in raw))
-        shifts = shifts_of(raw.received, steps)
-        ways = np.diff(stamps := raw.stamp[raw.stamp != 0])
+        raw = self.written
+        shifts = [(int(np.searchsorted(raw.place, step.place)), step.size) for step in steps]
+        self.times = Times._make([*(without_steps(one, raw.received, shifts) for one in raw[1:4]), raw.sequence])
+        if not np.all(np.diff(raw.sequence) > 0):
+            order = np.lexsort((raw.sequence, self.times.published, self.times.received))
+            self.times = Times(*(column[order] for column in self.times))
+            if self.collector is not None and not self.refused:
+                self.collector.reorder(order)
+        ways = np.diff(stamps := self.times.stamp[self.times.stamp != 0])
         self.order = StampOrder(len(stamps), int(np.sum(ways < 0)), int(np.sum(ways == 0)))
-        self.times = Times._make([*(without_steps(one, raw.received, shifts) for one in raw[:3]), raw.sequence])
-        if self.collector is not None and not self.refused and not np.array_equal(order, np.arange(len(order))):
-            self.collector.reorder(order)
 
     def _hand_on(self) -> None:
         """Hands what waits to the collector, unless that has refused before."""
@@ -156,37 +151,33 @@ def read(bag: Path, collector: Choice) -> Contents:
 
     Raises FileNotFoundError or ValueError when there is nothing to read.
     """
-    files, refused = files_of(bag), []
+    files, refused, places = files_of(bag), [], itertools.count()
     contents = Contents({}, {}, files.notes)
     for file in files.paths:
         try:
             with open(file, "rb") as stream:
-                _read_file(file.name, Records(stream), contents, collector)
+                _read_file(file.name, Records(stream), contents, collector, places)
         except ValueError as error:
             refused.append(f"{file}: {error} ({file.stat().st_size} bytes)")
     for name in [name for name, topic in contents.topics.items() if not len(topic)]:
         del contents.topics[name]
-    shown = [(topic.steps(name.endswith(OURS)), len(topic)) for name, topic in contents.topics.items()]
-    steps, _ = max(shown, key=lambda one: (len(one[0]), one[1]), default=([], 0))
+    steps = steps_of({name: topic.written for name, topic in contents.topics.items()})
     for topic in contents.topics.values():
         topic.end(steps)
-    contents.notes.extend([*refused, *_told(steps, contents.topics.values())])
+    contents.notes.extend([*refused, *map(_told, steps)])
     if not contents.topics:
         raise ValueError(f"bag {bag} holds no message" + "".join(f"; {note}" for note in contents.notes))
     return contents
 
 
-def _told(steps: Iterable[ClockStep], topics: Iterable[Topic]) -> Iterator[str]:
-    """A sentence for each step of the clock: by how much and where."""
-    moved = min((int(topic.times.received.min()) for topic in topics), default=0)
-    for step in steps:
-        way, at = "back" if step.size < 0 else "forward", (step.before - moved) * 1e-9
-        size = f"{abs(step.size) * 1e-9:.3f} s"
-        yield f"{at:.3f} s after the first message the system clock was set {way} by {size}: times count on without it"
-        moved += step.size
+def _told(step: ClockStep) -> str:
+    """By how much the clock was set, and when."""
+    set_by = f"{'back' if step.size < 0 else 'forward'} by {abs(step.size) * 1e-9:.3f} s"
+    when = f"{step.since * 1e-9:.3f} s after the first message"
+    return f"{when} the system clock was set {set_by}: times count on without it"
 
 
-def _read_file(name: str, records: Records, contents: Contents, collector: Choice) -> None:
+def _read_file(name: str, records: Records, contents: Contents, collector: Choice, places: Iterator[int]) -> None:
     """One file, with its own schemas and channels, into the bag's topics."""
     types: dict[int, str] = {}
     channels: dict[int, Topic] = {}
@@ -197,7 +188,7 @@ def _read_file(name: str, records: Records, contents: Contents, collector: Choic
             if topic is None:
                 strangers += 1
             else:
-                topic.take(record)
+                topic.take(record, next(places))
         elif isinstance(record, Schema):
             types[record.id] = record.name
         elif isinstance(record, Attachment):

@@ -47,7 +47,7 @@ class Found:
                     strangers += 1
                 elif isinstance(record, Message):
                     span.count(record.log_time)
-                    channels[record.channel_id].take(record)
+                    channels[record.channel_id].take(record, span.messages)
         self.spans.append(span)
         lost = {"damaged records": records.damaged, "messages of channels that it does not describe": strangers}
         said = [f"{number} {what} are passed over" for what, number in lost.items() if number]
@@ -60,7 +60,7 @@ class Found:
     def lost(self) -> dict[str, str]:
         """Of each topic how many messages were lost, as text, by the numbers of their publishers."""
         for topic in self.topics.values():
-            topic.end()
+            topic.end(())
         gaps = {name: counted(topic.times.sequence) for name, topic in self.topics.items()}
         return {name: found.told(name) for name, found in gaps.items()}
 

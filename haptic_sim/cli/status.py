@@ -96,7 +96,7 @@ def _order(item):
 
 def _listen(client, everywhere) -> dict:
     began = time.monotonic()
-    while time.monotonic() - began < (SILENCE if not newest(client, everywhere) else LISTENING):
+    while time.monotonic() - began < (LISTENING if client.heard or everywhere and client.elsewhere else SILENCE):
         client.look()
         time.sleep(0.02)
     return newest(client, everywhere)

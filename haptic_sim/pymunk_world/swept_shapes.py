@@ -37,7 +37,7 @@ def passed(shapes: Sequence[pymunk.Shape], here: Pose, there: Pose, extent: floa
 
 def places(shape: pymunk.Shape, around: pymunk.BB) -> Iterator[Disc]:
     """Corners of a shape, or its middle, as discs in the plane, of those that touch a box."""
-    for corner in map(shape.body.local_to_world, _corners(shape)):
+    for corner in map(shape.body.local_to_world, _corners(shape)):  # type: ignore[union-attr]  # those of a space have one
         if around.intersects(pymunk.BB.newForCircle(corner, shape.radius)):
             yield corner, shape.radius
 

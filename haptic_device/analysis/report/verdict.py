@@ -69,12 +69,15 @@ def _tried(part: Callable[[Run], Findings], run: Run) -> list[tuple[str, str]]:
 
 
 def _whole(run: Run) -> Findings:
+    """Notes, and what is missing: of the trace anything, of other messages more than a share."""
+    yield from ((WARN, note.removesuffix(".")) for note in run.notes)
     recording, begin = run.recording, f"{run.recording.namespace}/"
-    lost = {name.removeprefix(begin): count for name, count in recording.lost.items() if name.startswith(begin)}
-    missing = [f"{count} {what} were left out" for what, count in recording.left_out.items() if count]
-    missing += [f"{count} messages of {name} were lost" for name, count in lost.items() if count]
-    if missing := run.notes + missing:
-        yield WARN, f"Not the whole run was read: {'; '.join(missing)}"
+    there = {name.removeprefix(begin): count for name, count in recording.counts.items() if name.startswith(begin)}
+    lost = [(f"messages of {name}", recording.lost[begin + name] or 0, count) for name, count in there.items()]
+    lost += [(what, count, there.get("encoder", 0)) for what, count in recording.left_out.items() if what == "samples"]
+    lost += [(what, count, 0) for what, count in recording.left_out.items() if what != "samples"]
+    if said := [f"{count} {what}" for what, count, among in lost if count > LATE * among]:
+        yield WARN, f"Not the whole run was recorded: {', '.join(said)} are missing"
 
 
 def _faults(run: Run) -> Findings:
