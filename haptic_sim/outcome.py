@@ -5,24 +5,11 @@ import math
 from itertools import pairwise
 from statistics import median
 
-from haptic_device.analysis.report.summary import (
-    GOALS,
-    REACHED,
-    contact_figures,
-    energy_figures,
-    engaged_rows,
-    exchange_figures,
-    faults,
-    first_command,
-    greatest_results,
-    late_samples,
-    residual_figures,
-    results,
-    servo_figures,
-    short_time,
-    waited_time,
-    withheld_figures,
-)
+import numpy as np
+
+from haptic_device.analysis.quantity import Array, Flags
+from haptic_device.analysis.report import summary
+from haptic_device.analysis.report.run import Run
 from haptic_device.digits import plain
 from haptic_device.recording.bag_contents import Recording
 from haptic_device.status import number
@@ -41,9 +28,9 @@ def figures(recording: Recording, started: float, lossy: bool = False) -> dict:
     lossy: a relay loses handle samples, or has one overtake another, so that nobody else is to blame for it.
     Raises ValueError if the bag lacks what the figures are read from.
     """
-    rows = engaged_rows(recording.trace)
-    servo = servo_figures(rows) | {"late_device": late_samples(rows)}
-    exchange, waited = exchange_figures(recording, rows), waited_time(recording)
+    rows = summary.engaged_rows(recording.trace)
+    servo = summary.servo_figures(rows) | {"late_device": summary.late_samples(rows)}
+    exchange, waited = summary.exchange_figures(recording, rows), summary.waited_time(recording)
     seconds = float(rows["deadline"][-1] - rows["deadline"][0]) * 1e-9
     driver, simulation = (recording.last_values(node) for node in ("haptic_driver", "haptic_simulation"))
     return {
@@ -53,20 +40,20 @@ def figures(recording: Recording, started: float, lossy: bool = False) -> dict:
         "exchange": exchange | {"cause": "" if lossy else cause(servo, exchange, _load(recording), waited, seconds)},
         "simulation": {name: simulation.get(name) for name in ("method", "why")} | {"waited_s": waited},
         "withheld_s": _withheld(recording),
-        "energy_j": energy_figures(recording, rows),
-        "contact": contact_figures(recording, rows),
-        "residual": residual_figures(recording, rows),
-        "result": results(simulation),
-        "result_greatest": greatest_results(recording),
-        "faults": faults(recording),
-        "startup_s": first_command(recording.trace) - started,
+        "energy_j": summary.energy_figures(recording, rows),
+        "contact": summary.contact_figures(recording, rows),
+        "residual": summary.residual_figures(recording, rows),
+        "result": summary.results(simulation),
+        "result_greatest": summary.greatest_results(recording),
+        "faults": summary.faults(recording),
+        "startup_s": summary.first_command(recording.trace) - started,
     }
 
 
 def _withheld(recording: Recording) -> dict[str, float]:
     """How long each cause withheld force [s], on the device's side and at the tool's port."""
-    found = {name: total for name, (total, _) in (withheld_figures(recording) or {}).items()}
-    return found | ({"tool_port": short} if (short := short_time(recording)) else {})
+    found = {name: total for name, (total, _) in (summary.withheld_figures(recording) or {}).items()}
+    return found | ({"tool_port": short} if (short := summary.short_time(recording)) else {})
 
 
 def nothing() -> dict:
@@ -120,9 +107,9 @@ def not_done(found: dict, unended: str = "", share: float = ANSWERED) -> str:
         return "; ".join(dict.fromkeys(filter(None, [unended, *said])))
     if not found["exchange"]:
         return unended or "the run left no figures"
-    if goals := {name: found["result"][name] for name in GOALS if name in found["result"]}:
-        missed = {name: value for name, value in goals.items() if value < REACHED}
-        said = [f"{name} came to {value:.4g}, and {REACHED:g} is the least" for name, value in missed.items()]
+    if goals := {name: found["result"][name] for name in summary.GOALS if name in found["result"]}:
+        missed = {name: value for name, value in goals.items() if value < summary.REACHED}
+        said = [f"{name} came to {value:.4g}, and {summary.REACHED:g} is the least" for name, value in missed.items()]
         return "; ".join(filter(None, [unended, *said])) if missed else ""
     return unended or _unanswered(share=share, **found["exchange"])
 
@@ -140,6 +127,26 @@ def task_of(task: Task | None, found: dict) -> str | None:
         if not value >= least
     ]
     return f"not done: {', '.join(short)}" if short else "done"
+
+
+def done_at(run: Run, task: Task | None) -> list[tuple[float, str]]:
+    """When the task was done [s from the first tick], and by what; empty if it was not, or the bag does not tell."""
+    came: dict[str, float] = {}
+    try:
+        for name, share in task.done.items() if task else ():
+            state = run.recording.joint("scene/state")
+            said = f"{name.replace('_', ' ')} {plain(100 * share)} %"
+            came[said] = _first(run.since(state.stamp), state.entry(f"result.{name}") >= share)
+        if task and task.force is not None:
+            felt = np.hypot(*run.rows["force_on_handle"][:, :2].T)
+            came[f"{plain(task.force, 'N')} on the hand"] = _first(run.seconds, felt >= task.force)
+    except ValueError:
+        return []
+    return [(max(came.values()), f"task done: {', '.join(came)}")] if came and math.isfinite(sum(came.values())) else []
+
+
+def _first(times: Array, there: Flags) -> float:
+    return float(times[there.argmax()]) if there.any() else math.nan
 
 
 def _unanswered(sent: int, answered: int, share: float, **_) -> str:

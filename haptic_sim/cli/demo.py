@@ -5,6 +5,7 @@ import contextlib
 import json as json_text
 import os
 import time
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -204,10 +205,12 @@ def _follow(seconds, domain, nodes):
 
 
 def _evaluate(order: Order, started: float) -> dict:
-    from haptic_device.analysis.report.figures import draw_picture
+    from haptic_device.analysis.report.picture import draw_picture
     from haptic_device.analysis.report.run import Run
     from haptic_device.recording import load
-    from haptic_sim.outcome import figures
+    from haptic_sim.outcome import done_at, figures
+    from haptic_sim.scene.draw import draw
+    from haptic_sim.scene.language import load as load_scene
 
     recording = load(order.out / "bag")
     missing = recording.trace_rows_missing
@@ -216,7 +219,8 @@ def _evaluate(order: Order, started: float) -> dict:
     report = order.out / "report.png"
     lossy = order.relay is not None and (order.relay.loss > 0.0 or order.relay.jitter > 0.0)
     found = figures(recording, started, lossy)
-    draw_picture(Run(recording, order.scene), report)
+    run, scene = Run(recording, order.scene), load_scene(order.scene)
+    draw_picture(run, report, partial(draw, scene), done_at(run, scene.task))
     return found | {"report": str(report)}
 
 

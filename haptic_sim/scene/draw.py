@@ -277,15 +277,8 @@ def _draw_joints(axes: Axes, joints: Sequence[AnyJoint], drawn: Drawing) -> None
     poses = {solid.name: solid.pose for solid in drawn.solids}
     for joint, marks in zip(joints, drawn.joints, strict=True):
         ends = 1e3 * np.array([mark.place(poses) for mark in marks])
-        axes.plot(
-            *ends.T,
-            linestyle="",
-            color="black",
-            marker=MARKS[joint.type],
-            markersize=5,
-            markerfacecolor="white",
-            zorder=7,
-        )
+        look: dict[str, Any] = {"marker": MARKS[joint.type], "markersize": 5, "markerfacecolor": "white"}
+        axes.plot(*ends.T, color="black", linestyle="", zorder=7, **look)
         if joint.type == "spring":
             along = ends[1] - ends[0]
             teeth = TEETH * (1.0, 0.08) if joint.stiffness else np.array([[0.0, 0.0], [1.0, 0.0]])
@@ -306,13 +299,8 @@ def _frame(axes: Axes, scene: Scene, way: np.ndarray, drawn: Drawing) -> np.ndar
     seen = 1e3 * np.array([*corners(scene), *feet, *way[:, :2], *goals, *ends])
     low, high = seen.min(axis=0), seen.max(axis=0)
     center, half = (low + high) / 2.0, 0.56 * max(*(high - low), 1.0)
-    axes.set(
-        xlim=(center[0] - half, center[0] + half),
-        ylim=(center[1] - half, center[1] + half),
-        aspect="equal",
-        xlabel="x [mm]",
-        ylabel="y [mm]",
-    )
+    (left, bottom), (right, top) = center - half, center + half
+    axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
     axes.locator_params(nbins=6)
     title = scene.description or scene.name
     even = LINE if len(title) <= LINE else math.ceil(len(title) / math.ceil(len(title) / LINE)) + 4

@@ -6,15 +6,18 @@ import time
 from types import SimpleNamespace
 
 import pytest
-from bag_of_a_run import swing, write_run
+from bag_of_a_run import BOOT_TO_EPOCH, CLOUD, JOINTS, PERIOD_NS, cloud, joints, swing, write_bag, write_run
 
+from haptic_device.analysis.report.reading import read_run
+from haptic_device.analysis.report.run import Run
+from haptic_device.analysis.report.summary import GOALS, REACHED
 from haptic_device.control.faults import TABLE
 from haptic_device.recording import load
 from haptic_device.status import Status
 from haptic_sim import outcome
 from haptic_sim.cli.status import newest
 from haptic_sim.exchange.left_out_time import CHEAPER, QUIETER, SHARE
-from haptic_sim.outcome import ANSWERED, GOALS, REACHED, not_done
+from haptic_sim.outcome import ANSWERED, done_at, not_done
 from haptic_sim.scene.language import Task
 
 SERVO = {"lateness_us": {"p50": 8.0, "p99": 321.0, "max": 4567.0}, "missed": 12}
@@ -127,3 +130,35 @@ def test_haptic_status_tells_a_fault_in_its_words_and_what_else_a_node_says_as_i
         told = shown(fault=entry.name, fault_first="look at the line")
         assert told.endswith(". Look at the line, then press r and e in haptic status.")
     assert shown(fault="") == shown(fault="of a newer driver") == shown() == "its own words"
+
+
+def of_a_peg(folder, shares):
+    """A run of .5 s whose world shows how deep the peg is, every 50 ms."""
+    rows = swing(2000)
+    rows["force_on_handle"] = 0.0
+    rows["force_on_handle"][1600:, 1] = 5.0  # from .4 s on
+    first = int(rows["deadline"][0]) + BOOT_TO_EPOCH
+    shown = [(first + k * 200 * PERIOD_NS, share) for k, share in enumerate(shares)]
+    blocks = [(int(part["deadline"][-1]) + BOOT_TO_EPOCH, part) for part in rows.reshape(-1, 80)]
+    said = [
+        *(("/haptic/trace", CLOUD, cloud(part), k, time) for k, (time, part) in enumerate(blocks, 1)),
+        *(("/haptic/scene/state", JOINTS, joints(("result.depth",), [share], time), 1, time) for time, share in shown),
+    ]
+    return Run(load(write_bag(folder, *said)), "peg")
+
+
+def test_a_task_is_done_when_the_last_of_what_it_asks_for_has_come_and_never_if_one_has_not(tmp_path):
+    words = {"title": "t", "goal": "g", "hint": "h", "words": "{percent} %"}
+    run = of_a_peg(tmp_path / "in", [0.0, 0.94, 0.95, 1.0, 0.5])
+    deep, pressed = Task(**words, done={"depth": 0.95}), Task(**words, force=5.0)
+    both = Task(**words, done={"depth": 0.95}, force=5.0)
+    for task, when, said in (
+        (deep, 0.1, "task done: depth 95 %"),
+        (pressed, 0.4, "task done: 5 N on the hand"),
+        (both, 0.4, "task done: depth 95 %, 5 N on the hand"),
+    ):
+        [(time, name)] = done_at(run, task)
+        assert time == pytest.approx(when, abs=1e-3) and name == said
+    assert done_at(of_a_peg(tmp_path / "not", [0.0, 0.949]), both) == []
+    assert done_at(run, Task(**words, force=5.001)) == done_at(run, None) == []
+    assert done_at(read_run(write_run(tmp_path / "unseen", swing(400))), deep) == [], "nobody told how deep"

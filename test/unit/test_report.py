@@ -3,6 +3,7 @@
 
 import contextlib
 import re
+from functools import partial
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from bag_of_a_run import (
 )
 from matplotlib import pyplot
 from matplotlib.image import imread
+from matplotlib.text import Text
 from mcap.reader import make_reader
 
 from haptic_device.analysis.palette import RUNS
@@ -31,15 +33,20 @@ from haptic_device.analysis.report import curves, figures
 from haptic_device.analysis.report import page as pages
 from haptic_device.analysis.report.figures import FIGURES
 from haptic_device.analysis.report.page import write_report
+from haptic_device.analysis.report.picture import DPI, SIZE, draw_picture
 from haptic_device.analysis.report.reading import read_run
+from haptic_device.analysis.report.run import Run
 from haptic_device.analysis.report.summary import contact_figures, energy_figures
 from haptic_device.analysis.report.table import sections
 from haptic_device.analysis.report.verdict import WARN, verdict
 from haptic_device.control import withheld
+from haptic_device.recording import load
 from haptic_device.recording.layouts import CloudLayout
 from haptic_device.recording.writer import Bag
 from haptic_sim.cli.report import report
 from haptic_sim.cli.tables import figures_of
+from haptic_sim.scene.draw import draw
+from haptic_sim.scene.language import load as scene_of
 
 TICKS = 8000
 TOLD = [figure for figure in FIGURES if figure.name != "margin"]  # of which no driver says the damping here
@@ -332,3 +339,95 @@ def test_what_cannot_be_shown_is_refused_in_a_sentence_and_nothing_is_written(ba
         with pytest.raises(ValueError, match=said):
             refused()
     assert not out.exists()
+
+
+DONE = "task done: depth 95 %"
+
+
+@pytest.fixture(scope="module", params=["peg_in_hole", "wall", None])
+def pictured(bags, tmp_path_factory, request):
+    """The picture of a run in this scene: its file, and its figure as drawn."""
+    file = tmp_path_factory.mktemp("picture") / "report.png"
+    scene = partial(draw, scene_of(request.param)) if request.param else None
+    return file, draw_picture(Run(load(bags[0]), "a_run"), file, scene, [(0.75, DONE)])
+
+
+def panels(shown):
+    """The axes over time, by the label of y."""
+    return {axes.get_ylabel(): axes for axes in shown.subfigs[1].axes}
+
+
+def names(axes):
+    """What the key of axes says."""
+    return [text.get_text() for text in axes.get_legend().get_texts()]
+
+
+def test_the_picture_fits_a_screen_with_every_word_in_it_and_large_enough_to_be_read(pictured):
+    file, shown = pictured
+    height, width, _ = imread(file).shape
+    assert (width, height) == tuple(round(DPI * size) for size in SIZE) and width <= 1920 and height <= 900
+    for axes in shown.axes:
+        labels = [axes.title, axes.xaxis.label, axes.yaxis.label, *axes.texts]
+        legends = axes.get_legend().get_texts() if axes.get_legend() else []
+        for text in filter(Text.get_text, [*labels, *legends]):
+            box, half = text.get_window_extent(), axes.get_figure(root=False).bbox
+            assert half.x0 <= box.x0 and box.x1 <= half.x1 and 0 <= box.y0 and box.y1 <= height, text.get_text()
+            assert text.get_fontsize() >= 9.0
+        assert axes.lines or axes.texts, "no empty box"
+
+
+def test_all_that_has_a_time_has_one_axis_with_one_label_and_shows_when_the_task_was_done(pictured):
+    grid = panels(pictured[1])
+    assert list(grid)[:3] == ["x [mm]", "y [mm]", "θ [°]"] and len(grid) == 6
+    first, *others = grid.values()
+    assert all(first.get_shared_x_axes().joined(first, other) for other in others)
+    assert [bool(axes.get_xlabel()) for axes in grid.values()] == [False] * 5 + [True]
+    for axes in grid.values():
+        [at] = [line for line in axes.lines if set(line.get_xdata()) == {0.75}]
+        assert [text.get_text() for text in axes.texts] == [DONE] and at.get_label() not in names(axes)
+
+
+def test_the_verdict_comes_first_and_then_the_scene_or_without_one_the_path(pictured):
+    words, place, *_ = pictured[1].subfigs[0].axes
+    heading, said = (text.get_text() for text in words.texts)
+    assert heading.startswith("A run: ") and words.get_position().y1 > place.get_position().y1
+    assert said.startswith("No fault.") and "K\u00a01000\u00a0N/m" in said
+    assert [name for name in names(place) if "recorded" in name] == ["handle, as recorded", "tool, as recorded"]
+    assert ("way of the handle" in names(place)) == bool(place.get_title())
+
+
+def test_a_path_that_is_a_line_has_one_scale_for_both_axes_and_a_border_on_all_sides(tmp_path):
+    rows = swing(400)
+    rows["position"][:, 1], rows["position"][:, 0] = rows["position"][:, 0] + 0.01, 0.0
+    shown = draw_picture(Run(load(write_run(tmp_path / "up", rows)), "up"), tmp_path / "up.png")
+    place = shown.subfigs[0].axes[1]
+    (left, right), (bottom, top) = place.get_xlim(), place.get_ylim()
+    assert place.get_aspect() == 1.0 and left < 0.0 < right and right - left > 0.3 * (top - bottom)
+    assert bottom < 0.0 and top > 1e3 * rows["position"][:, 1].max()
+
+
+def test_what_a_driver_alone_cannot_tell_has_no_panel_but_a_sentence(tmp_path):
+    rows = swing(400)
+    rows["tool_age"], rows["lateness"] = -1.0, 0.0
+    shown = draw_picture(Run(load(write_run(tmp_path / "alone", rows)), "alone"), tmp_path / "alone.png")
+    said = shown.subfigs[0].axes[0].texts[1].get_text().replace("\n", " ")
+    assert "handle to tool [mm] is not shown: no tool sample was ever used." in said
+    assert "Servo timing is not shown: it was not measured" in said
+    assert len(panels(shown)) == 5 and len(shown.subfigs[0].axes) == 2
+
+
+def test_curves_that_lie_within_a_lines_width_are_drawn_once_under_both_names():
+    time = np.linspace(0.0, 1.0, 11)
+    handle = curves.Curve("handle", time, 50.0 * time, "blue")
+    for apart, told in ((0.999, ["handle = tool"]), (1.001, ["handle", "tool"])):
+        late = np.repeat(time, 2)  # of another clock
+        tool = curves.Curve("tool", late, 50.0 * late + apart, "blue")
+        assert [curve.name for curve in curves.once([handle, tool], 50.0)] == told
+    still = curves.Curve("tool", time, np.full(11, np.nan), "blue")
+    assert len(curves.once([handle, still], 50.0)) == 2, "what is no number is not alike"
+
+
+def test_an_axis_shows_every_value_with_a_border_and_no_less_than_its_least_range():
+    time = np.linspace(0.0, 1.0, 11)
+    for y, limits in ((2.0 * time, (-0.1, 2.1)), (1e-9 * time, (-0.5, 0.5)), (np.full(11, np.nan), (-0.5, 0.5))):
+        assert curves.range_of([curves.Curve("x", time, y, "blue")], 1.0) == pytest.approx(limits)

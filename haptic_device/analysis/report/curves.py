@@ -5,6 +5,7 @@ Every pair of lines differs by its dashes too, so that it can be read in grey. A
 its ticks: no peak is lost.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ Values = npt.NDArray[np.floating]
 COLOURS, NAMES = (BLUE, VERMILION, GREEN), ("x", "y", "θ")
 POINTS = 2000  # of one line; more than a page resolves
 _DASHES = {"handle": SOLID, "tool": DASHED, "on handle": SOLID, "of the coupling": DASHED}
+_ALIKE = 0.02  # of an axis: the width of a line
 _EDGES = 80  # of a histogram
 
 
@@ -35,11 +37,11 @@ class Curve(NamedTuple):
     steps: bool = False
 
 
-def positions(run: Run) -> list[Curve]:
+def positions(run: Run, axes: Sequence[int] = (0, 1)) -> list[Curve]:
     """Handle and tool, x and y over time [s, mm]."""
     return [
         Curve(f"{what} {NAMES[i]}", time, place * 1e3, COLOURS[i], _DASHES[what])
-        for i in range(2)
+        for i in axes
         for what, (time, place) in run.places(i).items()
     ]
 
@@ -78,9 +80,8 @@ def energies(run: Run) -> list[Curve]:
             raise
     if run.traced:
         found.append(Curve("to the operator, servo's account", run.seconds, run.booked * 1e3, ORANGE, DASHED))
-        found.append(
-            Curve("to the tool, by the samples at the servo", run.seconds, run.tool_energy * 1e3, GREEN, DOTTED)
-        )
+        name = "to the tool, by the samples at the servo"
+        found.append(Curve(name, run.seconds, run.tool_energy * 1e3, GREEN, DOTTED))
     return found
 
 
@@ -138,6 +139,27 @@ def oscillation(run: Run) -> list[tuple[float, str]]:
     """Frequency [Hz] of an oscillation, and its name with its force."""
     line = run.spectrum.oscillation
     return [(line.frequency, f"{plain(line.frequency, 'Hz')}, {amount(line.force, 'N')} RMS")] if line else []
+
+
+def once(found: Sequence[Curve], span: float) -> list[Curve]:
+    """The curves, those that no eye tells apart on an axis of this span as one: `a = b`; none without points."""
+    kept: list[Curve] = []
+    for curve in (curve for curve in found if len(curve.x)):
+        for place, one in enumerate(kept):
+            if np.abs(np.interp(one.x, curve.x, curve.y) - one.y).max() < _ALIKE * span:
+                kept[place] = one._replace(name=f"{one.name} = {curve.name}")
+                break
+        else:
+            kept.append(curve)
+    return kept
+
+
+def range_of(found: Sequence[Curve], least: float) -> tuple[float, float]:
+    """Limits of an axis that shows them all, with a border; not closer than the least."""
+    values = _finite(np.concatenate([curve.y for curve in found]))
+    low, high = (values.min(), values.max()) if len(values) else (0.0, 0.0)
+    border = max(0.05 * (high - low), (least - (high - low)) / 2)
+    return float(low - border), float(high + border)
 
 
 def thin(x: Values, y: Values) -> tuple[Values, Values]:

@@ -12,13 +12,26 @@ from pathlib import Path
 from haptic_device.analysis.palette import RUNS
 from haptic_device.analysis.report.figures import FIGURES, Figure, Special, draw_figure
 from haptic_device.analysis.report.run import Run
-from haptic_device.analysis.report.style import STYLE
+from haptic_device.analysis.report.style import LEVELS, STYLE
 from haptic_device.analysis.report.table import MISSING, sections
-from haptic_device.analysis.report.verdict import BAD, GOOD, WARN, verdict
+from haptic_device.analysis.report.verdict import verdict
 from haptic_device.os_errors import naming
 
 MOST = len(RUNS)  # runs side by side
-_WORDS = {GOOD: "Good.", WARN: "Look at this.", BAD: "Not good."}
+CAPTIONS = {
+    "positions": "Where handle and tool went.",
+    "distances": "How far the tool was from the handle.",
+    "forces": "Force on the handle, and the coupling's part of it.",
+    "angles": "Angle of handle and tool, counter-clockwise.",
+    "path": "The way in the plane, to scale.",
+    "contacts": "From when to when something was touched, and the strongest force on the hand meanwhile.",
+    "energies": "Energy through each port since the first tick; what operator or tool is given is positive.",
+    "margin": "How much of the device's damping b the gains leave over; below zero the display is not passive.",
+    "lateness": "How late the servo woke, and how long it worked.",
+    "age": "Age of the tool sample in use.",
+    "spectrum": "Spectrum of the force on the handle; an oscillation is named.",
+    "impedance": "Stiffness and damping that the display added, 95 % sure; dotted: as set.",
+}
 
 
 def write_report(runs: list[Run], folder: Path, left_out: Sequence[str] = ()) -> Path:
@@ -70,7 +83,7 @@ def _verdict(run: Run, number: int, ran: list[str], several: bool) -> str:
     """The box of one run: its key in the figures where there are several, how it ended, what ran."""
     found = verdict(run)
     key = f"{_swatch(number)} <b>{_text(run.name)}</b>: " if several else ""
-    said = f"<p>{key}<strong>{_WORDS[found.level]}</strong> {_text(found.ending)} {_text(found.rest)}</p>"
+    said = f"<p>{key}<strong>{LEVELS[found.level][0]}</strong> {_text(found.ending)} {_text(found.rest)}</p>"
     return f'<section class="verdict {found.level}">{said}<p class="quiet">{_entries(ran)}</p></section>'
 
 
@@ -110,20 +123,13 @@ def _contents() -> str:
 def _figure(figure: Figure | Special, runs: list[Run], picture: Path) -> str:
     picture.unlink(missing_ok=True)
     said = draw_figure(figure, runs, picture)
-    image = ""
+    title, caption, image = _text(figure.title), _text(CAPTIONS[figure.name]), ""
     if picture.exists():
         data = base64.b64encode(picture.read_bytes()).decode()
-        image = f'<img alt="{_text(figure.title)}: {_text(figure.caption)}" src="data:image/png;base64,{data}">'
-    caption = " ".join([figure.caption, *(["Grey: in contact."] if _shaded(figure, runs) else [])])
+        image = f'<img alt="{title}: {caption}" src="data:image/png;base64,{data}">'
     reasons = "".join(f"<p>{_text(sentence)}</p>" for sentence in said)
-    return (
-        f'<figure id="{figure.name}"><h2>{_text(figure.title)}</h2><figcaption>{_text(caption)}</figcaption>'
-        f"{image}{reasons}</figure>"
-    )
-
-
-def _shaded(figure: Figure | Special, runs: list[Run]) -> bool:
-    return isinstance(figure, Figure) and figure.over_time and len(runs) == 1
+    head = f'<figure id="{figure.name}"><h2>{title}</h2><figcaption>{caption}</figcaption>'
+    return f"{head}{image}{reasons}</figure>"
 
 
 def _tables(runs: list[Run]) -> str:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the page of a report looks, light and dark; pictures stay on white."""
+"""How a report looks: its verdict, and its page, light and dark; pictures stay on white."""
 
+LEVELS = {"good": ("Good.", "#0b6b3a"), "warn": ("Look at this.", "#8a4b00"), "bad": ("Not good.", "#a3160f")}
+"""Of a verdict: words, and their colour on white."""
 STYLE = """
 :root { color-scheme: light dark; --ink: #1a1a1a; --quiet: #4a4f55; --paper: #fff; --line: #c9cdd2; --link: #0a4f8a;
   --good: #0b6b3a; --warn: #8a4b00; --bad: #a3160f; --box: #f4f5f7 }

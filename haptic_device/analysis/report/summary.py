@@ -281,11 +281,7 @@ def residual_figures(recording: Recording, rows: Records) -> dict[str, Any]:
     explained = gain["stiffness"] * (_plane(stretch) + _plane(handle.position, handle)[answered])
     explained += gain["damping"] * (_plane(rate) + _plane(handle.velocity, handle)[answered])
     residual = _plane(rows["force_coupling"] + rows["tool_effort"])
-    return {
-        "rms_n": _rms(residual),
-        "explained_by_age_n": _rms(explained),
-        "unexplained_n": _rms(residual - explained),
-    }
+    return {"rms_n": _rms(residual), "explained_by_age_n": _rms(explained), "unexplained_n": _rms(residual - explained)}
 
 
 def gains(recording: Recording) -> dict[str, float]:
