@@ -140,11 +140,7 @@ class Fault(Group):
     duty: float = live(1.0, "", "share of the motor limit that may act for ever; more latches duty", 0.01, 1.0)
     duty_time: float = live(20.0, "s", "time constant of a motor's thermal load", 0.01, 3600.0)
     unattended: float = fixed(
-        5.0,
-        "s",
-        "standstill of the node's thread that latches unattended: at least 0.2, or 0 for never",
-        0.0,
-        3600.0,
+        5.0, "s", "standstill of the node's thread that latches unattended: at least 0.2, or 0 for never", 0.0, 3600.0
     )
 
 

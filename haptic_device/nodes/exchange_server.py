@@ -92,11 +92,7 @@ class ExchangeServer:
         return np.percentile(known, (50, 99)) if len(known) else np.full(2, np.nan)
 
     def _run(self):
-        row, gains, tool = (
-            np.zeros(1, TRACE_ROW),
-            np.zeros(1, law.COUPLING_GAINS),
-            np.zeros(1, servo_loop.TOOL),
-        )
+        row, gains, tool = (np.zeros(1, TRACE_ROW), np.zeros(1, law.COUPLING_GAINS), np.zeros(1, servo_loop.TOOL))
         mails = self._servo.row.words, self._servo.gains.words, self._servo.tool.words
         try:
             self._run_rcl(mails, row, gains, tool)

@@ -55,10 +55,7 @@ class Telemetry:
         self._pose = node.create_publisher(messages.PoseStamped, "pose", messages.STREAM)
         self._trace = node.create_publisher(messages.PointCloud2, "trace", messages.TRACE)
         self._snapshot = node.create_publisher(messages.PointCloud2, "snapshot", messages.STATE)
-        self._trace_layout, self._snapshot_layout = (
-            CloudLayout(TRACE_ROW, frame),
-            CloudLayout(SNAPSHOT, frame),
-        )
+        self._trace_layout, self._snapshot_layout = (CloudLayout(TRACE_ROW, frame), CloudLayout(SNAPSHOT, frame))
         self._version, self._snapshot_due, self.cpu = -1, 0, 0.0
         self._node, self._stopped, self._scratch = node, False, clock.scratch()
         self._recent = np.zeros((WINDOW, 4))  # lateness, compute, age, write delay [s] of the last ticks
@@ -70,10 +67,7 @@ class Telemetry:
         self.skipped, self._samples, self._known = 0, 0, np.zeros((2, 2), np.int64)
         self._row, self._settings, self._looked = np.zeros(1, TRACE_ROW), np.zeros(1, SETTINGS), False
         self._hardware = {}
-        self._wrench_layout, self._pose_layout = (
-            StampedLayout(WRENCH, frame),
-            StampedLayout(POSE, frame),
-        )
+        self._wrench_layout, self._pose_layout = (StampedLayout(WRENCH, frame), StampedLayout(POSE, frame))
         self._thread = threading.Thread(target=self._run, name="telemetry")
 
     def start(self):

@@ -12,8 +12,7 @@ EINTR = 4  # of errno: a signal ended the wait
 
 _gettime = types.ExternalFunction("clock_gettime", types.int32(types.int32, types.CPointer(types.int64)))
 _nanosleep = types.ExternalFunction(
-    "clock_nanosleep",
-    types.int32(types.int32, types.int32, types.CPointer(types.int64), types.CPointer(types.int64)),
+    "clock_nanosleep", types.int32(types.int32, types.int32, types.CPointer(types.int64), types.CPointer(types.int64))
 )
 
 

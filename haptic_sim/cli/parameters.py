@@ -65,9 +65,7 @@ def get(
 
 
 def save(
-    file: Annotated[Path, typer.Argument(help="New file.")],
-    domain: Domain = None,
-    namespace: Namespace = NAMESPACE,
+    file: Annotated[Path, typer.Argument(help="New file.")], domain: Domain = None, namespace: Namespace = NAMESPACE
 ) -> None:
     """Write the operating point of a running display as a parameter file, which haptic demo --params starts again."""
     if file.exists():

@@ -25,11 +25,7 @@ class Simulation(Group):
     )
     sub_step: float = fixed(0.0, "s", "step of the simulated world; 0: that of the scene, else chosen", 0.0, 2e-3)
     max_catch_up: float = fixed(
-        0.02,
-        "s",
-        "longest gap between handle samples that the world makes up, as far as a period allows",
-        2e-3,
-        1.0,
+        0.02, "s", "longest gap between handle samples that the world makes up, as far as a period allows", 2e-3, 1.0
     )
     exchange: Method
     port_budget: float = fixed(BUDGET, "J", "most energy that the tool port supplies before any has come", 0.0, 10.0)

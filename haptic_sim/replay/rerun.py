@@ -29,10 +29,7 @@ AXES = ("x", "y", "theta")
 STEP = 0.002  # [s] between truths written, to a whole tick
 SECOND = 1_000_000_000
 PLAYED = np.dtype([("tick", "f8"), ("deadline", "f8"), ("position", "f8", (3,)), ("engage", "f8"), ("tool_age", "f8")])
-ONLY = {
-    "trace": PLAYED,
-    "operator/state": Entries((*(f"motor_{name}" for name in AXES), "time"), ("position",)),
-}
+ONLY = {"trace": PLAYED, "operator/state": Entries((*(f"motor_{name}" for name in AXES), "time"), ("position",))}
 
 
 class Hand(NamedTuple):

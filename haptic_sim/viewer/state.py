@@ -133,12 +133,7 @@ class State:
         _, position, _, _ = self._layout.numbers(data)
         count = 3 * (1 + len(self.scene.solids))
         poses = [position[i : i + 3] for i in range(0, count, 3)]
-        self.places = {
-            TOOL: poses[1],
-            "bodies": poses[2:],
-            ENERGY: position[count],
-            "results": position[count + 1 :],
-        }
+        self.places = {TOOL: poses[1], "bodies": poses[2:], ENERGY: position[count], "results": position[count + 1 :]}
         if not math.isnan(position[0]):
             self.places[HANDLE] = poses[0]
         return True
