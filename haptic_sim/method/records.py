@@ -120,10 +120,7 @@ WORK = np.dtype(
             + _reals(mass=_c, reduced=(_c, _c), seen=_c)
             + _whole(freedoms=_n, dependent=_c, pivot=_k),
         ),
-        (
-            "delassus_operator",
-            _reals(force=(_n, 3), answer=(_n, 3), response=(_r, _n, 3)) + _whole(linkages=(_r, 2)),
-        ),
+        ("delassus_operator", _reals(force=(_n, 3), answer=(_n, 3), response=(_r, _n, 3)) + _whole(linkages=(_r, 2))),
         # w = A λ + b; mode: the first guess, then the answer
         (
             "lcp",

@@ -371,7 +371,7 @@ def test_the_picture_fits_a_screen_with_every_word_in_it_and_large_enough_to_be_
         legends = axes.get_legend().get_texts() if axes.get_legend() else []
         for text in filter(Text.get_text, [*labels, *legends]):
             box, half = text.get_window_extent(), axes.get_figure(root=False).bbox
-            assert half.x0 <= box.x0 and box.x1 <= half.x1 and 0 <= box.y0 and box.y1 <= height, text.get_text()
+            assert half.x0 <= box.x0 and box.x1 <= half.x1 and box.y0 >= 0 and box.y1 <= height, text.get_text()
             assert text.get_fontsize() >= 9.0
         assert axes.lines or axes.texts, "no empty box"
 

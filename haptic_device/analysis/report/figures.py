@@ -31,8 +31,7 @@ WIDTH = 9.0  # [inch]
 _LIGHT = withStroke(linewidth=2.5, foreground="white")
 _TEXT: dict[str, Any] = {"textcoords": "offset points", "va": "top", "fontsize": 9, "path_effects": [_LIGHT]}
 ERRORS = (ValueError, IndexError, FloatingPointError)
-Lines = Callable[[Run], list[tuple[float, str]]]
-"""Vertical lines of one run: where, and what they say."""
+Lines = Callable[[Run], list[tuple[float, str]]]  # vertical, of one run: where, and what they say
 
 
 class Figure(NamedTuple):

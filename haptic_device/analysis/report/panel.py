@@ -17,8 +17,7 @@ from haptic_device.analysis.report.run import Run
 from haptic_device.analysis.report.summary import gains
 
 GRID = "0.9"
-Limits = tuple[float, float, float, float]
-"""Left, right, bottom, top [mm]."""
+Limits = tuple[float, float, float, float]  # left, right, bottom, top [mm]
 _NARROW = 0.35  # least width of a path's box by its height, and height by its width
 
 

@@ -29,8 +29,7 @@ PANELS: dict[str, tuple[Callable[[Run], list[Curve]], float]] = {  # and the lea
     "energy [mJ]": (curves.energies, 0.01),
 }
 [TIMING] = [figure for figure in FIGURES if isinstance(figure, Figure) and figure.name == "lateness"]
-Lines = Sequence[tuple[float, str]]
-"""Vertical lines: times [s], and what they say."""
+Lines = Sequence[tuple[float, str]]  # vertical: times [s], and what they say
 
 
 def draw_picture(run: Run, picture: Path, draw_scene: Callable[[Axes], None] | None = None, done: Lines = ()) -> Shown:
@@ -39,7 +38,7 @@ def draw_picture(run: Run, picture: Path, draw_scene: Callable[[Axes], None] | N
     draw_scene: draws the scene into axes in mm; without it the path is alone. done: lines through all curves, as those
     of markers.
     """
-    shown, missing = Shown(SIZE, layout="constrained"), list[str]()
+    shown, missing = Shown(SIZE, DPI, layout="constrained"), list[str]()
     left, right = shown.subfigures(1, 2, squeeze=False, width_ratios=(1.0, 1.9))[0]
     told = {label: found for label, (tell, _) in PANELS.items() if (found := _told(label, tell, run, missing))}
     _draw_curves(right, run, told, [*run.marks, *done])
@@ -51,7 +50,7 @@ def draw_picture(run: Run, picture: Path, draw_scene: Callable[[Axes], None] | N
     for axes in timing:
         fill(axes, TIMING, run, columns=2)
     with naming(picture):
-        shown.savefig(picture, dpi=DPI)
+        shown.savefig(picture)
     return shown
 
 
