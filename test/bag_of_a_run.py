@@ -153,10 +153,10 @@ def numbered(folder, topics, **limit):
     """An open bag in which each topic has messages of these publishers' numbers, one a second."""
     bag = Bag(folder, **limit)
     channels = {topic: bag.add_topic(topic, JOINTS, []) for topic in topics}
-    for topic, sequences in topics.items():
-        for number, sequence in enumerate(sequences, 1):
-            bag.write(channels[topic], joints(("x",), [1], 0), number * SECOND, number * SECOND, sequence)
-            bag.flush()
+    numbers = [(number, topic, one) for topic, all_of in topics.items() for number, one in enumerate(all_of, 1)]
+    for number, topic, sequence in sorted(numbers, key=lambda one: one[0]):
+        bag.write(channels[topic], joints(("x",), [1], 0), number * SECOND, number * SECOND, sequence)
+        bag.flush()
     return bag
 
 

@@ -19,7 +19,7 @@ from haptic_sim.cli.numbers import whole
 from haptic_sim.cli.words import next_step, shown_path
 from haptic_sim.supervision.processes import NAMESPACE, parameter_text
 
-LISTENING = 2.0  # [s] in which nodes that are there are found
+LISTENING = 1.5  # [s] in which nodes that are there are found
 SHOWING = 5.0  # [s] in which a node that is starting is seen
 ALL_THE_SAME = 0.5  # [s] for the answer of a node that is seen in another namespace only: the graph may lack ours
 PATIENCE = 15.0  # [s] for the answer of a node that is there: it may be starting

@@ -18,19 +18,8 @@ import pymunk
 from pymunk import batch
 
 from haptic_sim.method.layout import Layout
+from haptic_sim.pymunk_world import swept_shapes
 from haptic_sim.pymunk_world.joints import BEYOND, Stop
-from haptic_sim.pymunk_world.swept_shapes import (
-    Disc,
-    can_meet,
-    connected,
-    discs,
-    fits,
-    least_met,
-    narrowest,
-    passed,
-    places,
-    width,
-)
 from haptic_sim.reduction.method_choice import short_step
 from haptic_sim.reduction.model import Model
 from haptic_sim.scene.geometry import Point, Pose, framed, turned
@@ -45,7 +34,7 @@ SLOW = 0.1
 _RATES = batch.BodyFields.BODY_ID | batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
 ALL = pymunk.ShapeFilter()
 
-Swept = tuple[list[Disc], float, float]
+Swept = tuple[list[swept_shapes.Disc], float, float]
 """Discs that stand for a body, how far a step may take it, and its size [m]."""
 
 
@@ -89,7 +78,7 @@ class ContinuousCollision:
     def _sweep(self, bodies: list[pymunk.Body], swept: list[Swept]) -> None:
         """From now on these bodies are swept."""
         self._points, limits, extents = zip(*swept, strict=True)
-        self._bodies, self._linked = bodies, connected(bodies, self._space.constraints)
+        self._bodies, self._linked = bodies, swept_shapes.connected(bodies, self._space.constraints)
         self._limits, self._extents, self._ids, self._order = np.array(limits), np.array(extents), b"", [0]
         # A body that is hit may leave with twice the speed of what hits it, and `watch` sees it some steps later.
         self._wary = 0.5 * self._limits / self._h
@@ -109,7 +98,7 @@ class ContinuousCollision:
             return
         self._known, known = contents, self.added
         self.added = {
-            shape: known.get(shape) or width(shape)
+            shape: known.get(shape) or swept_shapes.width(shape)
             for shape in self._space.shapes
             if shape not in self._widths and not shape.sensor
         }
@@ -118,15 +107,15 @@ class ContinuousCollision:
         rank = {body: b for b, body in enumerate(bodies)}
         self.moves = {rank[self._bodies[b]]: move for b, move in self.moves.items() if self._bodies[b] in rank}
         own = self._own + [([], self._farthest, 0.0)] * (len(bodies) - len(self._scene))
-        narrow = narrowest(self.added), narrowest(self.added | self._widths)
+        narrow = swept_shapes.narrowest(self.added), swept_shapes.narrowest(self.added | self._widths)
         self._sweep(bodies, [self._with_added(body, one, narrow) for body, one in zip(bodies, own, strict=True)])
         self._note_busy()
 
     def _with_added(self, body: pymunk.Body, own: Swept, narrow: Sequence[dict[pymunk.ShapeFilter, float]]) -> Swept:
         """How a body is swept, with what was added to it and beside it."""
         (points, limit, extent), centre = own, body.center_of_gravity
-        more = [disc for shape in body.shapes if shape in self.added for disc in discs(shape, centre)]
-        limit = min(limit, SHARE * least_met(body, narrow[bool(more)]))
+        more = [disc for shape in body.shapes if shape in self.added for disc in swept_shapes.discs(shape, centre)]
+        limit = min(limit, SHARE * swept_shapes.least_met(body, narrow[bool(more)]))
         return [*points, *more], limit, max([extent, *(math.hypot(*place) + radius for place, radius in more)])
 
     def times(self) -> np.ndarray:
@@ -245,9 +234,9 @@ class ContinuousCollision:
         own = [shape for shape in self._bodies[b].shapes if not (shape.sensor or isinstance(shape, pymunk.Circle))]
         if not own:
             return
-        around = passed(own, here, there, self._extents[b])
+        around = swept_shapes.passed(own, here, there, self._extents[b])
         for other in self._space.bb_query(around, ALL):
-            for corner, radius in places(other, around) if self._can_meet(b, other) else ():
+            for corner, radius in swept_shapes.places(other, around) if self._can_meet(b, other) else ():
                 end = turned(framed(corner, there), here)
                 found = (shape.segment_query(corner, end, radius) for shape in own)
                 way = math.dist(corner, end)
@@ -261,10 +250,10 @@ class ContinuousCollision:
         if b < len(self._scene) and shape in self._meets[b]:
             return True
         own = [one for one in body.shapes if one in added or shape in added]
-        return can_meet(body, own, shape, self._space.constraints)
+        return swept_shapes.can_meet(body, own, shape, self._space.constraints)
 
 
-def _points(model: Model, b: int) -> list[Disc]:
+def _points(model: Model, b: int) -> list[swept_shapes.Disc]:
     """Discs that stand for a body: (place in its frame, radius)."""
     found = []
     for s in np.flatnonzero(model.shape_body == b):
@@ -273,7 +262,7 @@ def _points(model: Model, b: int) -> list[Disc]:
             found.append((corners[0], float(model.radius[s])))
         else:
             middle = np.mean(corners, axis=0).tolist()
-            found += [(middle, fits(corners, middle)), *((corner, 0.0) for corner in corners)]
+            found += [(middle, swept_shapes.fits(corners, middle)), *((corner, 0.0) for corner in corners)]
     return found
 
 
