@@ -55,7 +55,8 @@ def test_what_is_saved_passes_check_and_is_not_overwritten(display, tmp_path):
     file = tmp_path / "point.yaml"
     done = haptic("save", file)
     assert done.stdout == f"{file} holds the parameters of haptic_driver, haptic_loopback, haptic_simulation\n", done
-    assert haptic("check", file).stdout == f"{file}: ok\n"
+    checked = haptic("check", file)  # on a late machine a remark follows
+    assert checked.returncode == 0 and checked.stdout.startswith(f"{file}: ok"), checked
     again = haptic("save", file)
     assert (again.returncode, again.stderr) == (1, f"haptic: {file} exists already; name a new file\n")
     saved = {
