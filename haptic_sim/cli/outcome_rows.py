@@ -73,7 +73,7 @@ def answer(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 def rows(found: dict[str, Any], everything: bool = True) -> Iterator[tuple[str, str]]:
     """(words, value with unit) of each figure of `haptic demo --json` that is none of the answer, in its order, without
-    sentences; or of those that a reader wants first. Of a run that left no figures all is its length."""
+    sentences; or of those that a reader wants first."""
     values = dict(_flat(found))
     for key in values if everything else filter(values.__contains__, FIRST):
         words, scale, unit = FIGURES.get(key, (key.replace("_", " "), 1, ""))
