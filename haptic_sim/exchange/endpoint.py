@@ -21,7 +21,6 @@ import numpy as np
 
 from haptic_device.control import exchange_samples
 from haptic_device.message_fields import COMMON, LOCAL_CONTACT, MOST, exchange_names
-from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.recording.layouts import CloudLayout, JointLayout
 from haptic_sim.exchange.left_out_time import SHARE
 from haptic_sim.exchange.simulation import Counters, HandleSample, Planar, Simulation, ToolSample
@@ -118,7 +117,7 @@ class ExchangeEndpoint:
 
     def __init__(self, simulation: Answerer, home: Planar, method: str = "pspm"):
         self.simulation = cast(Simulation, simulation)  # what is reset or asked for local contacts is one
-        self.home, self._method = home, float(EXCHANGE_METHODS.index(method))
+        self.home, self._method = home, float(exchange_samples.METHODS[method])
         self.session = float(secrets.randbits(48) | 1)
         self.scene, self.paused, self.answered = 0, False, 0
         self.refused = dict.fromkeys(exchange_samples.REFUSALS[1:], 0)

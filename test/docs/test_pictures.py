@@ -16,7 +16,6 @@ from bench.methods.figure import pareto_figure
 from haptic_device.analysis import palette, passivity_figure
 from haptic_device.analysis.assessment import Display, assess
 from haptic_device.analysis.report import curves
-from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_sim import method_registry, viewer
 from haptic_sim.film import gif
 
@@ -35,7 +34,6 @@ APART = 15.0  # CIE 1976 colour difference; 2.3 is just noticeable side by side
 PLANE = ("handle", "tool", "fixed", "moving", "coupling", "force", "contact", "target")
 FAMILIES = {
     "methods": {name: look.colour for name, look in palette.METHODS.items()},
-    "exchanges": {name: look.colour for name, look in palette.EXCHANGES.items()},
     "runs": {number: look.colour for number, look in enumerate(palette.RUNS)},
     "plane": {name: getattr(palette, name.upper()) for name in PLANE},
     "cells": dict(enumerate(palette.CELLS)),
@@ -96,9 +94,8 @@ def test_no_two_colours_of_a_picture_look_alike_to_anybody():
 
 def test_every_method_has_a_look_and_lines_differ_without_colour_too():
     assert set(palette.METHODS) == set(method_registry.METHODS)
-    assert set(palette.EXCHANGES) == set(EXCHANGE_METHODS)
-    for looks in (palette.METHODS | palette.PEERS, palette.EXCHANGES):
-        assert len({look.mark for look in looks.values()}) == len(looks)
+    looks = palette.METHODS | palette.PEERS
+    assert len({look.mark for look in looks.values()}) == len(looks)
     assert len({look.dashes for look in palette.RUNS}) == len(palette.RUNS)
     assert palette.PASS_MARK != palette.FAIL_MARK
     assert len(set(palette.HATCHES)) == len(palette.CELLS)

@@ -56,7 +56,7 @@ INPUTS = {
     "check doubled.yaml": "mass is written twice, the second time in line 2",
     "check joint.yaml": "joints[0].bodies[1] is 'nobody'; it must be one of tool, world",
     "compile nothing": "no kernels are called nothing; there are",
-    "demo --exchange guess": "exchange.method is 'guess'; it must be one of direct, wave, pspm, local",
+    "demo --exchange guess": "exchange.method is 'guess'; it must be one of direct, pspm, local",
     "demo --scene doubled.yaml": "doubled.yaml: mass is written twice",
     "demo --params stiff.yaml": "stiff.yaml: /**/haptic_driver: coupling.stiffness is 1000000000.0 N/m; at most",
     "demo --params axes.yaml --scene wall": "device {here}/bad.yaml: axes[0].velocity_limit is missing; add it",
