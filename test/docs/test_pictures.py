@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from bench.jobs import read_csv
-from bench.methods import growth, measure
+from bench.methods import measure
 from bench.methods.figure import pareto_figure
 from haptic_device.analysis import palette, passivity_figure
 from haptic_device.analysis.assessment import Display, assess
@@ -75,12 +75,11 @@ def test_the_verdict_on_a_display_is_told_by_mark_colour_and_word(monkeypatch, s
     assert f"this display: {verdict}" in [text.get_text() for text in saved[0].legends[0].get_texts()]
 
 
-def test_pictures_of_the_stored_runs_are_to_one_scale():
+def test_panels_of_the_stored_runs_are_to_one_scale():
     runs = read_csv(STORED / "speed_error.csv", measure.Run)
-    errors, growing = pareto_figure(runs), growth.figure(read_csv(STORED / "growth.csv", growth.Run))
+    errors = pareto_figure(runs)
     assert [axes.get_title() for axes in errors.axes] == list(dict.fromkeys(item.scene for item in runs))
     assert len({(axes.get_xlim(), axes.get_ylim()) for axes in errors.axes}) == 1
-    assert len({axes.get_ylim() for axes in growing.axes[:-1]}) == 1
 
 
 def test_no_two_colours_of_a_picture_look_alike_to_anybody():
