@@ -89,7 +89,7 @@ def settings_from(device, values, version=0):
 
 def _set_exchange(settings, values):
     """Settings of the exchange that follow from others."""
-    settings["exchange"]["method"] = METHODS[values["exchange.method"]]
+    settings["exchange"]["method"] = METHODS[values["exchange.method"]]  # which is not its place among the choices
     device = settings["hardware"]
     held = (device["motor_limit"] - np.abs(device["gravity"])) / device["scale"]
     settings["coupling"]["limit"] = np.maximum(0.0, np.minimum(settings["force"]["limit"], held))
