@@ -229,10 +229,9 @@ class ExchangeEndpoint:
             return None
         tail, missing = arrays[0][axes:], 3 - axes
         self._peer = exchange_samples.Peer(tail[exchange_samples.SESSION], tail[exchange_samples.SEQUENCE], now_ns)
-        rest = self.home[axes:], (0.0,) * missing, (0.0,) * missing
-        position, velocity, effort = ((*given[:axes], *other) for given, other in zip(arrays, rest, strict=True))
-        limit = (*arrays[2][axes:][GAINS][:axes], *(0.0,) * missing)
-        whole = stamp_ns, position, velocity, *tail[GAINS], effort, tail[exchange_samples.ENERGY], limit
+        position = (*arrays[0][:axes], *self.home[axes:])
+        velocity, limit = ((*of[:axes], *(0.0,) * missing) for of in (arrays[1], arrays[2][axes:][GAINS]))
+        whole = stamp_ns, position, velocity, *tail[GAINS], tail[exchange_samples.ENERGY], limit
         return Question(HandleSample._make(whole), axes, tail, self._peer.session != before)
 
     def _judge(self, sample: np.ndarray, axes: int, now_ns: int) -> int:

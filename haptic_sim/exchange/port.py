@@ -29,7 +29,6 @@ class HandleSample(NamedTuple):
         damping: B of the coupling [N s/m].
         rotational_stiffness: K of the coupling about theta [N m/rad].
         rotational_damping: B of the coupling about theta [N m s/rad].
-        effort: what the exchange method sends in addition to the gains (docs/theory/exchange.md).
         energy: energy that the exchange method sends [J].
         limit: largest force of the coupling's spring on the hand [N, N, N m]; 0 where it is not told.
 
@@ -47,7 +46,6 @@ class HandleSample(NamedTuple):
     damping: float
     rotational_stiffness: float
     rotational_damping: float
-    effort: Planar = (0.0, 0.0, 0.0)
     energy: float = 0.0
     limit: Planar = STILL
 
@@ -72,8 +70,8 @@ class Port(Protocol):
     def step(self, world: World, target: np.ndarray, n: int) -> StepResult:
         """Advance a world by `n` sub-steps, the handle wished on the way between its two rows."""
 
-    def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
-        """The effort and energy of the tool sample."""
+    def send(self, supplied: float) -> float:
+        """Energy that the tool sample tells [J]; supplied: at this port so far [J]."""
 
     def kept_back(self, handle: HandleSample) -> np.ndarray | None:
         """By how much of the handle's position and velocity (6) limit or energy keep the force short; None if not."""
@@ -96,9 +94,9 @@ class DirectPort:
         """The handle as it is."""
         return world.step(target, n)
 
-    def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
-        """The force on the tool, and the energy supplied."""
-        return force_on_tool, supplied
+    def send(self, supplied: float) -> float:
+        """The energy supplied."""
+        return supplied
 
     def kept_back(self, handle: HandleSample) -> np.ndarray | None:
         """Nothing."""
@@ -219,12 +217,12 @@ class PspmPort:
         tool_side_tank.drive(self.rules, self.memory, position, velocity, tool)
         return self.memory[tool_side_tank.AIM : tool_side_tank.AIM + 6]
 
-    def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
-        """The force on the tool, and all that was sent back so far: what the tank holds above its reserve."""
+    def send(self, supplied: float) -> float:
+        """All that was sent back so far: what the tank holds above its reserve."""
         over = max(0.0, self.tank - self.granted)
         self.memory[tool_side_tank.TANK] -= over
         self.returned += over
-        return force_on_tool, self.returned
+        return self.returned
 
     def kept_back(self, handle: HandleSample) -> np.ndarray | None:
         """What limit or tank made less of the handle's way to the tool at the last step's end; None for nothing."""

@@ -57,7 +57,7 @@ def oversupply(port, sample, path, sub_step, inner=1, limits=(SUB_STEPS,)):
         for world.velocity in moves[: limits[number % len(limits)]]:
             supplied += port.step(world, held((place, 0.0, 0.0), (rate, 0.0, 0.0)), 1).supplied
             most = max(most, supplied - (shipped - first))
-        port.send(world.force_on_tool, supplied)
+        port.send(supplied)
     return most
 
 

@@ -95,9 +95,7 @@ class Simulation:
 
     @property
     def heard(self):
-        asked = [
-            [*one.position, *one.velocity, *one.effort, *one.gains, one.energy] for one in self.end.simulation.asked
-        ]
+        asked = [[*one.position, *one.velocity, *one.gains, one.energy] for one in self.end.simulation.asked]
         return np.array(asked[-1] if asked else [])
 
     def message(self, number=SEQUENCE, session=PEER, **given):
