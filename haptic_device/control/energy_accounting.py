@@ -324,17 +324,17 @@ def _count_dissipated(settings, tank, spring, hold, motion, latched):
         way, step = tank.midpoint[i] - tank.window_from[i], abs(settings.hardware.position_per_count[i])
         counted = set_position.dissipated(tank.counted[i], way, step, elapsed)
         # (1): (b − c) ∫ v² dt, of which only the growth since the last tick
-        worth = _worth(settings, tank, spring, motion, i, not hold.limited[i])
+        worth = _worth(settings, tank, spring, hold, motion, i)
         tank.level += worth * (counted - tank.counted[i])
         tank.given -= tank.own[i] * (counted - tank.counted[i])
         tank.counted[i] = counted
 
 
 @njit
-def _worth(settings, tank, spring, motion, i, damper_fills):
+def _worth(settings, tank, spring, hold, motion, i):
     """What ∫ v² dt fills in [N s/m]: b − c, and what the coupling's damper takes beside its bound."""
     surplus = max(0.0, tank.surplus[i])
-    if not damper_fills or settings.velocity.estimator != velocity_estimator.BACKWARD_DIFFERENCE:
+    if hold.limited[i] or settings.velocity.estimator != velocity_estimator.BACKWARD_DIFFERENCE:
         return surplus
     # only what it takes on time is a square of midpoints, of a velocity over the hold and twice its error at most
     on_time = max(0.0, 1.0 - settings.passivity.lateness / settings.period)
