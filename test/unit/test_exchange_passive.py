@@ -166,7 +166,7 @@ class Deaf(PspmPort):
 def test_a_world_of_several_steps_a_sub_step_draws_the_budget_at_most_and_more_where_the_port_does_not_know_of_them():
     budget = 1e-6
     told, deaf = (
-        port_search.search(lambda made=made: made(budget), handle, evaluations=400, seed=1, inner=5)
+        port_search.search(lambda made=made: made(budget), handle, evaluations=800, seed=1, inner=5)
         for made in (PspmPort, Deaf)
     )
     assert 0.9 * budget < told.energy <= budget * (1.0 + 1e-9) < deaf.energy
