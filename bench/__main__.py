@@ -17,7 +17,6 @@ COMMANDS = {  # name: (module with a `main`, what it measures)
         "bench.figures",
         "draws the pictures of the theory pages and of zwidth.md, and keeps those of the page",
     ),
-    "growth": ("bench.methods.growth", "an exchange with 10 to 300 bodies, ours and the peers'"),
     "hard_cases": ("bench.methods.hard_cases", "which method and which peer survives which hard scene"),
     "hashes": ("bench.methods.hashes", "hashes of every scene by each method, to compare two commits by"),
     "link": ("bench.servo.link", "a device on a line: its sample in hand beside a bare pair in C, and its clock"),

@@ -13,7 +13,7 @@ from PIL import Image
 from adversary.horizon import energy_generated_over_horizon
 from adversary.switching import switched_cancellation_damping
 from bench.jobs import read_csv
-from bench.methods import growth, measure
+from bench.methods import measure
 from bench.methods.figure import DPI, pareto_figure
 from bench.reference.closed_forms import (
     delayed_wall_damping,
@@ -70,7 +70,6 @@ def main(folder: Annotated[Path, typer.Argument(show_default="docs")] = ROOT / "
     pareto_figure(read_csv(STORED / "speed_error.csv", measure.Run)).savefig(
         folder / "benchmarks" / "pareto.png", dpi=DPI
     )
-    growth.figure(read_csv(STORED / "growth.csv", growth.Run)).savefig(folder / "benchmarks" / "growth.png", dpi=DPI)
     for name in SHOTS if PHOTOGRAPHS.is_dir() else ():  # flat colours: a palette makes a picture a third as large
         shot = Image.open(PHOTOGRAPHS / f"{name}.png").convert("RGB")
         shot.quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE).save(

@@ -7,7 +7,7 @@ import numpy as np
 
 from haptic_device import gain_check
 from haptic_device.control import exchange_samples, records
-from haptic_device.control.exchange_samples import COUPLING_GAINS
+from haptic_device.control.exchange_samples import COUPLING_GAINS, METHODS
 from haptic_device.parameters import MOST_WALLS, OPERATING_POINT
 
 MOST_LATE = records.HELD - 4  # periods: motor values on their way are remembered, and a write may be late too
@@ -89,7 +89,7 @@ def settings_from(device, values, version=0):
 
 def _set_exchange(settings, values):
     """Settings of the exchange that follow from others."""
-    settings["exchange"]["play"] = max(2.0 / values["servo.rate"], 1.0 / values["exchange.rate"])
+    settings["exchange"]["method"] = METHODS[values["exchange.method"]]  # which is not its place among the choices
     device = settings["hardware"]
     held = (device["motor_limit"] - np.abs(device["gravity"])) / device["scale"]
     settings["coupling"]["limit"] = np.maximum(0.0, np.minimum(settings["force"]["limit"], held))

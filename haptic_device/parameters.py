@@ -17,7 +17,7 @@ KEPT = 33  # samples: windows of up to 32 ticks
 
 Source = Literal["model", "measured"]
 Estimator = Literal["backward_difference", "lowpass", "adaptive_window"]
-ExchangeMethod = Literal["direct", "wave", "pspm", "local"]
+ExchangeMethod = Literal["direct", "pspm", "local"]
 Policy = Literal["enforce", "warn", "off"]
 Script = Literal["hold", "insert_peg", "press_wall", "tap", "circle", "let_go", "waypoints", "follow"]
 Realtime = Literal["require", "prefer", "off"]

@@ -131,10 +131,9 @@ def penalty():
 
 def closed_form():
     """A tool among flat walls, the ports behind which any method stands, and what judges their samples."""
-    for method in ("pspm", "wave"):
-        values = _values("haptic_simulation") | {"exchange.method": method}
-        simulation = Simulation.by_parameters(reduce_scene(load(IN_CLOSED_FORM)), values)
-        ExchangeEndpoint(simulation, simulation.scene.tool.pose, method)
+    values = _values("haptic_simulation")
+    simulation = Simulation.by_parameters(reduce_scene(load(IN_CLOSED_FORM)), values)
+    ExchangeEndpoint(simulation, simulation.scene.tool.pose, values["exchange.method"])
 
 
 def local_contacts():

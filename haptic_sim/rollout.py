@@ -123,7 +123,6 @@ def rollout(
     bodies: Iterable[str] = (),
     overlap: Callable[[], float] | None = None,
     gains: Coupling | None = None,
-    limit: float = math.inf,
 ) -> Rollout:
     """Simulates a world whose handle follows a path. Returns a Rollout.
 
@@ -136,7 +135,6 @@ def rollout(
         bodies: names whose poses are kept.
         overlap: function () → depth [m], called at each sample.
         gains: of the coupling, for the energy.
-        limit: processor time [s] after which the run stops.
 
     Examples:
         >>> import numpy as np
@@ -152,13 +150,12 @@ def rollout(
         >>> found.finite, found.created, found.overlap
         (True, 0.0, 0.0)
     """
-    seen, spent, total, deepest = {name: [world.pose(name)] for name in bodies}, [], 0.0, 0.0
+    seen, spent, deepest = {name: [world.pose(name)] for name in bodies}, [], 0.0
     books = Books(world, gains) if gains else None
     for row in range(0, len(path) - 1, stride):
         began = time.thread_time()
         made = world.step(path[row : row + stride + 1], count)
         spent.append(time.thread_time() - began)
-        total += spent[-1]
         reached = min(row + stride, len(path) - 1)
         if books and not books.book(path[reached], made.supplied):
             break
@@ -166,8 +163,6 @@ def rollout(
             for name, poses in seen.items():
                 poses.append(world.pose(name))
             deepest = max(deepest, overlap() if overlap else 0.0)
-        if total > limit:
-            break
     booked = (books.finite, books.created, books.scale) if books else (True, 0.0, 0.0)
     poses = {name: np.array(places) for name, places in seen.items()}
     return Rollout(booked[0], poses, np.array(spent), deepest, *booked[1:])

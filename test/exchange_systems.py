@@ -109,5 +109,4 @@ def _books(settings, memory, record):
     )
     depth = max(0.0, settings["wall"]["offset"][0] - record["position"][0])
     stored += 0.5 * settings["wall"]["stiffness"][0] * depth**2
-    stored += memory["tank"]["level"] + memory["tank"]["shipped"] - memory["tank"]["returned"]
-    return stored + memory["waves"]["store"] - 0.005
+    return stored + memory["tank"]["level"] + memory["tank"]["shipped"] - memory["tank"]["returned"] - 0.005

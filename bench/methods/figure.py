@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of the runs: wall time over error, and what panels of runs have in common."""
+"""Picture of the runs: wall time over error."""
 
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -12,45 +12,36 @@ from haptic_device.analysis.palette import BLACK, METHODS, PEERS
 
 LOOKS = METHODS | PEERS
 WIDTH, DPI = 7.0, 150  # inches, dots an inch: narrow, so that text is large enough at half of the size
+COLUMNS = 3
 LEAST, MOST = 1e-9, 1.0  # what errs less or more is drawn there
-
-
-def panels(of: dict[str, list], draw, head: str, height: float, more: dict | None = None, columns: int = 3) -> Figure:
-    """A panel for each title, drawn of its runs, all to one scale, under one head.
-
-    What `draw` returns, {label: line}, and `more` is the legend of all: in the last place where that is free,
-    else below. height: of a panel [in].
-    """
-    rows, columns, drawn = -(-len(of) // columns), min(columns, len(of)), {}
-    figure = Figure(figsize=(WIDTH, height * rows + 1.2), layout="constrained")
-    every = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
-    for axes, (name, runs) in zip(every.flat, of.items(), strict=False):
-        drawn |= draw(axes, runs)
-        axes.set_title(name, fontsize=10)
-        axes.tick_params(labelsize=9)
-        axes.grid(alpha=0.3)
-    for axes in every.flat:
-        axes.label_outer()
-    for above, axes in zip(every.flat[len(of) - columns :], every.flat[len(of) :], strict=False):
-        axes.set_axis_off()
-        above.set_xlabel(every[-1, 0].get_xlabel())
-        above.tick_params(labelbottom=True)
-    legend = drawn | (more or {})
-    lines = {"handles": list(legend.values()), "labels": list(legend), "fontsize": 9}
-    if len(of) < rows * columns:
-        every.flat[-1].legend(loc="center", **lines)
-    else:
-        figure.legend(loc="outside lower center", ncols=3, **lines)
-    figure.suptitle(head)
-    return figure
 
 
 def pareto_figure(runs: list[Run]) -> Figure:
     """Wall time per simulated second over error, a panel a scene; lines join what is best of each."""
-    of = {scene: [item for item in runs if item.scene == scene] for scene in scenes_of(runs)}
+    scenes = scenes_of(runs)
+    rows, columns, drawn = -(-len(scenes) // COLUMNS), min(COLUMNS, len(scenes)), {}
+    figure = Figure(figsize=(WIDTH, 2.1 * rows + 1.2), layout="constrained")
+    every = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    for axes, scene in zip(every.flat, scenes, strict=False):
+        drawn |= _panel(axes, [item for item in runs if item.scene == scene])
+        axes.set_title(scene, fontsize=10)
+        axes.tick_params(labelsize=9)
+        axes.grid(alpha=0.3)
+    for axes in every.flat:
+        axes.label_outer()
+    for above, axes in zip(every.flat[len(scenes) - columns :], every.flat[len(scenes) :], strict=False):
+        axes.set_axis_off()
+        above.set_xlabel(every[-1, 0].get_xlabel())
+        above.tick_params(labelbottom=True)
     ring = Line2D([], [], linestyle="", marker="o", color=BLACK, markersize=12, fillstyle="none")
-    head = "Speed against error in each scene: lower left is better"
-    return panels(of, _panel, head, 2.1, {"the scene's own method and step": ring})
+    legend = drawn | {"the scene's own method and step": ring}
+    lines = {"handles": list(legend.values()), "labels": list(legend), "fontsize": 9}
+    if len(scenes) < rows * columns:  # in the last place where that is free
+        every.flat[-1].legend(loc="center", **lines)
+    else:
+        figure.legend(loc="outside lower center", ncols=3, **lines)
+    figure.suptitle("Speed against error in each scene: lower left is better")
+    return figure
 
 
 def _panel(axes, runs):

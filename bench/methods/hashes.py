@@ -23,7 +23,7 @@ from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import EXCHANGE_NS, GAINS, hand
 from haptic_sim.scene.language import load
 
-PORTS = ("direct", "pspm", "wave")
+PORTS = ("direct", "pspm")
 SHIPPED = 0.02
 """J/s that the hand ships at a port that asks for energy: more than some motions take, less than others."""
 
@@ -49,8 +49,7 @@ def hashed(scene: str, method: str, port: str, seconds: float) -> Hash:
         place = lead(1e-9 * k * EXCHANGE_NS)
         rate = tuple(1e9 * (b - a) / EXCHANGE_NS for a, b in zip(before or place, place, strict=True))
         before, energy = place, 1e-9 * k * EXCHANGE_NS * SHIPPED
-        wave = tuple(0.1 * x for x in place) if port == "wave" else (0.0, 0.0, 0.0)
-        tool = simulation.exchange(HandleSample(k * EXCHANGE_NS, place, rate, *GAINS, wave, energy))
+        tool = simulation.exchange(HandleSample(k * EXCHANGE_NS, place, rate, *GAINS, energy=energy))
         numbers = [*tool.position, *tool.velocity, *tool.force_on_tool, float(tool.contact), tool.energy]
         for body in bodies:
             numbers += simulation.method.pose(body)

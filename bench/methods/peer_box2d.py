@@ -28,7 +28,7 @@ ENDLESS = 1e12
 class World:
     """Implements `bench.methods.world.World`."""
 
-    def __init__(self, scene: Scene, sub_step: float, many: bool = False):
+    def __init__(self, scene: Scene, sub_step: float):
         fastest = max(math.hypot(*solid.velocity[:2]) for solid in (*scene.bodies, scene.tool))
         self._unit = max(UNIT, fastest * sub_step)
         self._scene, self._step = scene, sub_step
@@ -38,10 +38,6 @@ class World:
         self._tool, self._springs, self._grip = self._bodies[TOOL], [], None
         for joint in scene.joints:
             self._join(joint)
-        if many:  # what rests may sleep; the tool alone is swept: in a pile sweeps cost ten steps, and bodies stand
-            self._world.allowSleeping = True
-            for body in self._bodies.values():
-                body.bullet = body is self._tool
 
     def couple(self, gains: Coupling) -> None:
         """Takes these gains."""

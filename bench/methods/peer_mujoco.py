@@ -27,7 +27,7 @@ class World:
     end_share = 0.0
     """Weight of the force at a step's end in what is booked; the rest is that of its start."""
 
-    def __init__(self, scene: Scene, sub_step: float, many: bool = False):
+    def __init__(self, scene: Scene, sub_step: float):
         if reduce_scene(scene).needs.restitution:
             raise Impossible("no restitution")
         self._scene, self.book = scene, False
@@ -35,8 +35,6 @@ class World:
         builder = Builder(scene, self._solids, sub_step)
         builder.spec.option.integrator = self.integrator
         self._model = builder.spec.compile()
-        if many:  # what rests may fall asleep
-            self._model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
         self._data = mujoco.MjData(self._model)
         self._ids = {name: self._model.body(name).id for name in builder.moving}
         self._turns = {

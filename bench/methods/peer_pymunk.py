@@ -17,19 +17,16 @@ from haptic_sim.scene.language import Scene
 from haptic_sim.scene.shapes import TOOL
 
 SLOP = 1e-5
-ASLEEP = 0.2  # s
 FAR = 10.0  # m, length of a groove without stops
 
 
 class World:
     """Implements `bench.methods.world.World`."""
 
-    def __init__(self, scene: Scene, sub_step: float, many: bool = False):
+    def __init__(self, scene: Scene, sub_step: float):
         self._step = sub_step
         self._space = space = pymunk.Space()
         space.gravity, space.collision_slop = scene.gravity, SLOP
-        if many:  # what rests may fall asleep
-            space.sleep_time_threshold = ASLEEP
         self._bodies = {solid.name: _add(space, scene, solid) for solid in (*scene.bodies, scene.tool)}
         self._tool = self._bodies[TOOL]
         for joint in scene.joints:

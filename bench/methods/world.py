@@ -32,13 +32,10 @@ class Impossible(Exception):
     """A scene that this one cannot model; the message says what of it."""
 
 
-def make(name: str, scene: Scene, sub_step: float, many: bool = False) -> LedWorld:
-    """The world called `name`; a peer is set up for `many` bodies that rest.
-
-    Impossible if it cannot model the scene; ValueError if there is none of that name.
-    """
+def make(name: str, scene: Scene, sub_step: float) -> LedWorld:
+    """The world called `name`; Impossible if it cannot model the scene, ValueError if there is none of that name."""
     if name in PEERS:
-        return _peer(name)(scene, sub_step, many)
+        return _peer(name)(scene, sub_step)
     if name not in METHODS:
         raise ValueError(f"method is {name!r}; it must be one of {', '.join(NAMES)}")
     try:

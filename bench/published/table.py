@@ -23,7 +23,6 @@ from bench.published import (
     hannaford_ryu_2002,
     hogan_kristiansen_2017,
     lee_huang_2010,
-    niemeyer_slotine_1991,
     whitney_1982,
 )
 from bench.published.source import EXACT, ORDER, SHAPE, Result, Source, agrees, load, missing
@@ -54,7 +53,6 @@ OURS: dict[str, Callable] = {
     "hannaford_ryu_2002.rare": hannaford_ryu_2002.rare,
     "hannaford_ryu_2002.stiff": hannaford_ryu_2002.stiff,
     "lee_huang_2010.energy": lee_huang_2010.energy,
-    "niemeyer_slotine_1991.energy": niemeyer_slotine_1991.energy,
     "whitney_1982.held": whitney_1982.held,
     "whitney_1982.slides": whitney_1982.slides,
 }

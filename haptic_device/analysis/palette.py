@@ -64,10 +64,3 @@ RUNS = (
     Look(ORANGE, "p", (0, (10, 2))),
 )
 """Runs over each other."""
-EXCHANGES = {
-    "direct": Look(VERMILION, "v", DOTTED),
-    "wave": Look(SKY, "^", DASHED),
-    "pspm": Look(BLUE, "o"),
-    "local": Look(GREEN, "s", MIXED),
-}
-"""Each method of exchange.method."""

@@ -17,11 +17,8 @@ ROUNDING = 1e-9  # [s] of a write's delay that is no delay
 
 
 @kernel
-def hold_ended(settings, tank, spring, hold, motion, enable, sensors, damper_fills):
-    """Books the hold that ends here (set_position, 1).
-
-    damper_fills: the coupling's own damper fills the tank beside its bound.
-    """
+def hold_ended(settings, tank, spring, hold, motion, enable, sensors):
+    """Books the hold that ends here (set_position, 1)."""
     if not tank.filled:
         tank.filled, tank.level, tank.sample_before = 1.0, settings.exchange.budget, sensors.latched
         _open_window(settings, tank, motion, sensors.latched)
@@ -50,7 +47,7 @@ def hold_ended(settings, tank, spring, hold, motion, enable, sensors, damper_fil
         _charge_changes(settings, tank, hold, motion, enable, longest)
         if hold.regained > 0.0:  # between one surplus and another nothing is earned
             _open_window(settings, tank, motion, sensors.latched)
-        _count_dissipated(settings, tank, spring, hold, motion, sensors.latched, damper_fills)
+        _count_dissipated(settings, tank, spring, hold, motion, sensors.latched)
         tank.owed = min(tank.owed, max(0.0, -tank.level))
     tank.sample_before, tank.hold_before, tank.version = sensors.latched, held, settings.version
     hold.regained = 0.0
@@ -125,13 +122,13 @@ def _sure_way(settings, tank, motion, i):
 
 
 @kernel
-def forget_debt(settings, tank, spring, hold, motion, waves, observer, now):
+def forget_debt(settings, tank, spring, hold, motion, observer, now):
     """A spring that is empty, and of which nothing acts any more, ends what the books charged beyond what was given.
 
     They charge in advance the worst that may come of a change. What the display may still give is then the tank's level
     and what was shipped and is not used; with the energy given so far that is at most the budget, so the level rises to
 
-        min(budget, budget − G − shipped + returned − waves not yet played − what dampers owe),
+        min(budget, budget − G − shipped + returned − what dampers owe),
 
     G as of `_count_given`; what is above 0 is owed no more. Never above the budget, and G stays: who lets go and
     engages again gets no second one.
@@ -140,7 +137,7 @@ def forget_debt(settings, tank, spring, hold, motion, waves, observer, now):
     if tank.level >= budget or not _is_empty(spring, hold, now):
         return
     # a slack spring stretches by the way of the hold that ends
-    level = budget - tank.given - tank.shipped + tank.returned - waves.store - stored(settings, spring, motion)
+    level = budget - tank.given - tank.shipped + tank.returned - stored(settings, spring, motion)
     for i in range(int(settings.axes)):
         level -= observer.store[i] + _remembered(settings, spring, i)
         # half of the way that ends here counts in the window that begins
@@ -291,14 +288,12 @@ def _begun(settings, damping, moved, time):
 def _damper_gained(settings, spring, hold, i, moved, time):
     """What the coupling's damper gave over a long hold [J], with what (1) leaves open on both sides of it.
 
-    Its force F = B (w − v) is known, so it gave F Δx, and the next tick's damper begins a new sum; w: of a port that
-    pays for one period of it, and here for none. At the motor's limit, and where it was let go within the hold, it took
-    less.
+    Its force F = −B v is known, so it gave F Δx, and the next tick's damper begins a new sum. At the motor's limit, and
+    where it was let go within the hold, it took less.
     """
     factor, damped = max(spring.factor, spring.factor_held), spring.damped[i]
     given = -damped * moved
     given = max(0.0, given) if hold.limited[i] or spring.parted else given
-    given += max(0.0, spring.port_push[i] * moved)
     return (
         _begun(settings, factor * settings.coupling.damping[i], moved, time)
         + given
@@ -315,7 +310,7 @@ def _cancellation_gained(settings, hold, i, moved, time):
 
 
 @njit
-def _count_dissipated(settings, tank, spring, hold, motion, latched, damper_fills):
+def _count_dissipated(settings, tank, spring, hold, motion, latched):
     """What the way of the midpoints shows to have been dissipated in this window, less what has been counted."""
     if tank.window_holds >= set_position.WINDOW:
         tank.window_start, tank.window_error = tank.sample_before, motion.unsure * 1e9 - motion.sample_error
@@ -329,17 +324,17 @@ def _count_dissipated(settings, tank, spring, hold, motion, latched, damper_fill
         way, step = tank.midpoint[i] - tank.window_from[i], abs(settings.hardware.position_per_count[i])
         counted = set_position.dissipated(tank.counted[i], way, step, elapsed)
         # (1): (b − c) ∫ v² dt, of which only the growth since the last tick
-        worth = _worth(settings, tank, spring, motion, i, damper_fills and not hold.limited[i])
+        worth = _worth(settings, tank, spring, hold, motion, i)
         tank.level += worth * (counted - tank.counted[i])
         tank.given -= tank.own[i] * (counted - tank.counted[i])
         tank.counted[i] = counted
 
 
 @njit
-def _worth(settings, tank, spring, motion, i, damper_fills):
+def _worth(settings, tank, spring, hold, motion, i):
     """What ∫ v² dt fills in [N s/m]: b − c, and what the coupling's damper takes beside its bound."""
     surplus = max(0.0, tank.surplus[i])
-    if not damper_fills or settings.velocity.estimator != velocity_estimator.BACKWARD_DIFFERENCE:
+    if hold.limited[i] or settings.velocity.estimator != velocity_estimator.BACKWARD_DIFFERENCE:
         return surplus
     # only what it takes on time is a square of midpoints, of a velocity over the hold and twice its error at most
     on_time = max(0.0, 1.0 - settings.passivity.lateness / settings.period)

@@ -8,13 +8,9 @@ while the old force still acts (late_energy, hidden_energy). One tank for all ax
 
 import math
 
-import numpy as np
-
 from haptic_device.control import exchange_samples, set_position
 from haptic_device.control.virtual_coupling import spring_force, spring_store
 from haptic_device.jit import kernel, njit
-
-NOTHING_PAID = np.zeros(3)
 
 
 @kernel
@@ -22,7 +18,7 @@ def pay(settings, tank, spring, motion, fade):
     """Moves the set position towards the goal; the tank takes what the spring lets go and pays what it gains.
 
     A tank without the reserve moves nothing of its own: then the set position stays, or goes along with the handle.
-    What a long hold left owing the spring pays, at once: it lets go of as much. Returns whether the tank lacked any.
+    What a long hold left owing the spring pays, at once: it lets go of as much.
     """
     held, kept, shortened = stored(settings, spring, motion), reserve(settings, tank, spring), tank.shortened
     # the spring may keep what it has, less what a long hold owes, and have what the tank can spare
@@ -37,15 +33,14 @@ def pay(settings, tank, spring, motion, fade):
         spring.own_velocity[i] = (spring.set_position[i] - before) / settings.period
         spring.stiffness[i], spring.limit[i] = _wanted_spring(settings, spring, i)
         if lacks:
-            note_kept_short(settings, tank, spring, motion, i, spring.goal[i])
-    return lacks
+            _note_kept_short(settings, tank, spring, motion, i)
 
 
-@kernel
-def note_kept_short(settings, tank, spring, motion, i, wished):
-    """Notes by how much the spring of axis i gives less than it would to the place wished for [m | rad]."""
+@njit
+def _note_kept_short(settings, tank, spring, motion, i):
+    """Notes by how much the spring of axis i gives less than it would to its goal."""
     stiffness, limit = spring.stiffness[i], spring.limit[i]
-    force = spring_force(stiffness, limit, wished - motion.handle[i])
+    force = spring_force(stiffness, limit, spring.goal[i] - motion.handle[i])
     note_unpaid(settings, tank, i, force - spring_force(stiffness, limit, spring.set_position[i] - motion.handle[i]))
 
 
@@ -150,10 +145,8 @@ def take_returned(settings, tank, tool):
 
 
 @kernel
-def tick_ended(settings, tank, spring, motion, output, paid):
+def tick_ended(settings, tank, spring, motion, output):
     """At the end of the tick: what the coupling's spring really holds, and what the encoder's step may hide.
-
-    paid (3): velocity of the set position that somebody else pays for [m/s | rad/s].
 
     A factor that was paid for and did not rise is paid back. The handle may be half an encoder step from where it is
     booked: a change of force that is not the handle's own costs that much way (the rest is the friction's, as with any
@@ -163,7 +156,7 @@ def tick_ended(settings, tank, spring, motion, output, paid):
     for i in range(int(settings.axes)):
         stretch = output.coupling_position[i] - output.position[i]
         stiffness, limit = factor * gains.stiffness[i], factor * gains.limit[i]
-        push = factor * gains.damping[i] * (output.coupling_velocity[i] - paid[i])
+        push = factor * gains.damping[i] * output.coupling_velocity[i]
         if abs(stretch) < math.inf and abs(push) < math.inf:
             tank.level += spring_store(spring.stiffness[i], spring.limit[i], stretch)
             kept = spring_store(stiffness, limit, stretch)
@@ -175,9 +168,7 @@ def tick_ended(settings, tank, spring, motion, output, paid):
             hidden = hidden_energy(settings, i, change)
             tank.level -= hidden
             tank.given += hidden
-            # whoever pays for a part of it as a port does pays for half of its square too
-            port = min(change, stiffness * settings.period * abs(paid[i]))
-            late = late_energy(settings, tank, i, change) - late_energy(settings, tank, i, port)
+            late = late_energy(settings, tank, i, change)
             spring.prepaid[i] += late
             tank.level -= late
             damped = factor * gains.damping[i] * output.velocity[i]
@@ -185,7 +176,6 @@ def tick_ended(settings, tank, spring, motion, output, paid):
             turned = abs(damped - spring.damped[i])
             spring.changed[i] += max(turned, abs(damped)) if spring.parted else turned
             spring.push[i], spring.force[i], spring.damped[i] = push, force, damped
-            spring.port_push[i] = factor * gains.damping[i] * paid[i]
         spring.stiffness[i], spring.limit[i] = stiffness, limit
     spring.factor = spring.factor_held = factor
     spring.parted = 0.0
@@ -199,7 +189,7 @@ def _count_slack(settings, spring):
     """For how many ticks now neither the spring nor the set position's velocity has pulled, on no axis."""
     acts = False
     for i in range(int(settings.axes)):
-        acts |= spring.force[i] != 0.0 or spring.push[i] != 0.0 or spring.port_push[i] != 0.0
+        acts |= spring.force[i] != 0.0 or spring.push[i] != 0.0
     spring.slack = 0.0 if acts and spring.factor > 0.0 else spring.slack + 1.0
 
 

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the coupling pulls to: the tool's samples, by the exchange method that is set.
 
-A method is a module with `hold_ended`, `move_set_point` and `tick_ended`, over the one energy tank. Energies are of all
-axes together. Every factor on the coupling's force (engaging, fading) multiplies its spring, so that its rise is paid
-as a jump is.
+A method is a module with `move_set_point`; all but `direct` share one energy tank. Energies are of all axes together.
+Every factor on the coupling's force (engaging, fading) multiplies its spring, so that its rise is paid as a jump is.
 """
 
 import math
@@ -15,7 +14,6 @@ from haptic_device.control import (
     exchange_direct,
     exchange_pspm,
     exchange_samples,
-    exchange_wave,
     virtual_tool,
 )
 from haptic_device.jit import kernel, njit
@@ -46,20 +44,14 @@ def move_set_point(settings, state, sensors, tool, output):
 
 @kernel
 def tick_ended(settings, state, output):
-    """What the spring really holds at the end of the tick, by the method that is set."""
-    tank, spring, motion, method = state.tank, state.spring, state.motion, settings.exchange.method
+    """What the spring really holds at the end of the tick; the handle sample carries its force."""
     # no force rises on old counts, so nothing is to be paid
-    if motion.stale_ticks > 0.0 and method != exchange_samples.DIRECT:
-        energy_tank.tick_ended_unseen(settings, tank, spring, output)
-        if method != exchange_samples.WAVE:
-            for i in range(output.position.size):
-                output.exchange_effort[i] = output.force_coupling[i]
-    elif method == exchange_samples.WAVE:
-        exchange_wave.tick_ended(settings, tank, spring, motion, output)
-    elif method == exchange_samples.DIRECT:
-        exchange_direct.tick_ended(settings, tank, spring, motion, output)
-    else:
-        exchange_pspm.tick_ended(settings, tank, spring, motion, output)
+    if state.motion.stale_ticks > 0.0 and settings.exchange.method != exchange_samples.DIRECT:
+        energy_tank.tick_ended_unseen(settings, state.tank, state.spring, output)
+    else:  # with `direct` for the passivity observer
+        energy_tank.tick_ended(settings, state.tank, state.spring, state.motion, output)
+    for i in range(output.position.size):
+        output.exchange_effort[i] = output.force_coupling[i]
 
 
 @njit
@@ -83,16 +75,13 @@ def _begin_tick(settings, state, sensors, output):
     # paid for in advance; what does not rise is paid back at the end of the tick
     spring.factor = _most_ramp(settings, state.enable) * output.exchange_fade
     _book_hold(settings, state, sensors)
-    energy_accounting.forget_debt(settings, tank, spring, hold, motion, state.waves, state.observer, sensors.latched)
+    energy_accounting.forget_debt(settings, tank, spring, hold, motion, state.observer, sensors.latched)
 
 
 @njit
 def _book_hold(settings, state, sensors):
     tank, spring, hold, motion, enable = state.tank, state.spring, state.hold, state.motion, state.enable
-    if settings.exchange.method == exchange_samples.WAVE:
-        exchange_wave.hold_ended(settings, tank, spring, hold, motion, enable, sensors)
-    else:
-        exchange_pspm.hold_ended(settings, tank, spring, hold, motion, enable, sensors)
+    energy_accounting.hold_ended(settings, tank, spring, hold, motion, enable, sensors)
 
 
 @njit
@@ -101,8 +90,6 @@ def _move(settings, state, method, tool, output):
     tank, spring, motion, own = state.tank, state.spring, state.motion, state.virtual_tool
     if method == exchange_samples.LOCAL and virtual_tool.acts(settings, own, tank, spring, tool):
         virtual_tool.move_set_point(settings, own, tank, spring, motion, tool, output)
-    elif method == exchange_samples.WAVE:
-        exchange_wave.move_set_point(settings, state.waves, tank, spring, motion, tool, output)
     else:
         exchange_pspm.move_set_point(settings, tank, spring, motion, tool, output)
 
@@ -124,14 +111,13 @@ def _stay(settings, state, tool, output):
     for i in range(int(settings.axes)):
         output.coupling_position[i] = state.spring.set_position[i]
         output.coupling_velocity[i] = state.spring.set_velocity[i]
-        output.exchange_effort[i] = state.waves.sent[i]
 
 
 @kernel
 def asked_to_be_near(settings, fade):
-    """Whether a tool that (re)joins must be near. Not one that was felt since engaging, with pspm: there the tank pays
+    """Whether a tool that (re)joins must be near. Not one that was felt since engaging, where there is a tank: it pays
     for a stretch that comes back, or shortens it."""
-    return fade.apart > 0.0 or not exchange_samples.is_modulated(settings.exchange.method)
+    return fade.apart > 0.0 or settings.exchange.method == exchange_samples.DIRECT
 
 
 @kernel
@@ -160,7 +146,6 @@ def _no_place(state, tool, output):
     """What is not a number becomes no place: a fault follows, and no set position has moved."""
     for i in range(tool.position.size):
         output.coupling_position[i], output.coupling_velocity[i] = math.nan, tool.velocity[i]
-        output.exchange_effort[i] = state.waves.sent[i]
     output.exchange_energy = state.tank.shipped
 
 

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Exchange method `direct`: the tool as its last sample has it. Nothing is booked; only lock-step keeps it passive."""
 
-from haptic_device.control import energy_tank
 from haptic_device.jit import kernel
 
 
@@ -10,11 +9,3 @@ def move_set_point(tool, output):
     """The coupling pulls to the tool's last sample."""
     for i in range(output.position.size):
         output.coupling_position[i], output.coupling_velocity[i] = tool.position[i], tool.velocity[i]
-
-
-@kernel
-def tick_ended(settings, tank, spring, motion, output):
-    """The spring that is held, for the passivity observer; the handle sample carries its force."""
-    energy_tank.tick_ended(settings, tank, spring, motion, output, energy_tank.NOTHING_PAID)
-    for i in range(output.position.size):
-        output.exchange_effort[i] = output.force_coupling[i]

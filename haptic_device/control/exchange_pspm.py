@@ -1,14 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Exchange method `pspm`: passive set-position modulation after the tool's samples (control/set_position)."""
 
-from haptic_device.control import energy_accounting, energy_tank, set_position
+from haptic_device.control import energy_tank, set_position
 from haptic_device.jit import kernel, njit
-
-
-@kernel
-def hold_ended(settings, tank, spring, hold, motion, enable, sensors):
-    """Books the hold; what the coupling's damper takes beside its bound fills the tank."""
-    energy_accounting.hold_ended(settings, tank, spring, hold, motion, enable, sensors, True)
 
 
 @kernel
@@ -41,14 +35,6 @@ def move_set_point(settings, tank, spring, motion, tool, output):
         tank.shipped += tank.level - settings.exchange.tank
         tank.level = settings.exchange.tank
     output.exchange_energy = tank.shipped
-
-
-@kernel
-def tick_ended(settings, tank, spring, motion, output):
-    """The spring that is held; the handle sample carries its force."""
-    energy_tank.tick_ended(settings, tank, spring, motion, output, energy_tank.NOTHING_PAID)
-    for i in range(output.position.size):
-        output.exchange_effort[i] = output.force_coupling[i]
 
 
 @njit

@@ -20,7 +20,9 @@ COUPLING_GAINS = np.dtype(
     [(name, "f8") for name in (*TAIL[GAIN_0 : GAIN_0 + 4], "hash")] + [("limit", "f8", (3,))]  # of the spring, by axis
 )
 CONTACT, ENERGY = TAIL.index("contact"), TAIL.index("energy")
-DIRECT, WAVE, PSPM, LOCAL = range(4)
+DIRECT, PSPM, LOCAL = 0, 2, 3
+METHODS = {"direct": DIRECT, "pspm": PSPM, "local": LOCAL}
+"""Each method's number in messages and bags; 1 is used up."""
 LIMIT = 1e6  # [m, rad, m/s, N …] nothing real exceeds it; a sample beyond it is noise
 LARGEST = 1e15  # of all other numbers; whole ones are exact up to there
 
@@ -46,10 +48,9 @@ class Peer(NamedTuple):
     accepted_ns: int
 
 
-@kernel
-def is_modulated(method):
-    """Whether the set position of the coupling's spring is moved as a tank of energy pays for it."""
-    return method in (PSPM, LOCAL)
+def name_of(number):
+    """Name of an exchange method, of a bag too that was made when there were others."""
+    return {known: name for name, known in METHODS.items()}.get(number, f"number {number:g}")
 
 
 @kernel

@@ -68,7 +68,7 @@ SETTINGS = np.dtype(
         ("cancellation", record("ratio band stretch twist source filter")),
         ("velocity", record("estimator lag window")),
         ("passivity", record("policy control budget lateness margin* surplus* cross")),
-        ("exchange", record("method budget tank horizon play slew* agility* hold fade")),
+        ("exchange", record("method budget tank horizon slew* agility* hold fade")),
         ("local", record("compliance apart hold rejoin")),
         ("engage", record("time force torque")),
         ("fault", record("silence saturation duty duty_kept unattended")),
@@ -133,13 +133,13 @@ STATE = np.dtype(
         ("fade", record("factor released apart")),  # exchange_controller; apart: nothing was felt since forces are on
         # the coupling's spring as the energy tank has paid for it; factor: on its force; force, push, damped: as they
         # were in the last tick, B times the set position's velocity and the handle's [N | N m]; changed: by it;
-        # port_push: B times the port's own velocity, which the waves pay for [N | N m]; prepaid: for changes that still
-        # act late [J]; parted: 1 where it was released within the hold; slack: ticks for which nothing of it has pulled
+        # prepaid: for changes that still act late [J]; parted: 1 where it was released within the hold; slack: ticks
+        # for which nothing of it has pulled
         (
             "spring",
             record(
                 "factor factor_held stiffness* limit* push* damped* set_position* set_velocity* own_velocity* goal*"
-                " stretch* force* changed* prepaid* parted slack port_push*"
+                " stretch* force* changed* prepaid* parted slack"
             ),
         ),
         (
@@ -154,7 +154,6 @@ STATE = np.dtype(
                 " midpoint* window_from* window_start window_error window_holds counted* sample_before hold_before"
             ),
         ),
-        ("waves", record("answered oldest rate* wave* store pending* received* sent*")),  # exchange_wave
         (
             "virtual_tool",
             np.dtype(

@@ -38,7 +38,7 @@ AT_ONCE = 0.75  # share of a limit up to which a way is made at once: what the t
 STIFFNESS, DAMPING, WORST, LIMIT, STEP = 0, 3, 6, 8, 10  # gains by axis; W, limit and d of x-y and of theta
 TIME, INNER = 12, 13  # step of the world [s], and how many are a sub-step
 TOLD, RULES = 14, 17  # limit of the spring on the hand, by axis; 0 where it is not told
-TANK, AIM, SPEED, PAST, JOINED, PULL, SHARE, SHORT, MEMORY = 0, 1, 4, 7, 10, 11, 13, 14, 15
+TANK, AIM, SPEED, PAST, JOINED, PULL, SHORT, MEMORY = 0, 1, 4, 7, 10, 11, 13, 14
 
 
 @kernel
@@ -67,7 +67,7 @@ def drive(rules, memory, handle, rate, tool):
         reach = step / damping if damping > 0.0 else math.inf
         memory[SPEED + i] = set_position.slewed(memory[SPEED + i], rate[i], 0.0, reach)
         memory[PAST + i] = tool[i]
-    memory[JOINED], memory[SHARE] = 1.0, 1.0
+    memory[JOINED] = 1.0
     line = math.hypot(_pull(rules, memory, tool, 0), _pull(rules, memory, tool, 1))
     turn = abs(_pull(rules, memory, tool, 2))
     nearer_line, nearer_turn = _allowed(rules, memory, line, turn)
@@ -131,7 +131,7 @@ def went(rules, memory, way, tool):
     """The memory after the handle has gone its whole way as it is, and the tool has come there."""
     for i in range(3):
         memory[AIM + i], memory[SPEED + i], memory[PAST + i] = way[1, i], way[1, 3 + i], tool[i]
-    memory[SHARE], memory[SHORT] = 1.0, 0.0
+    memory[SHORT] = 0.0
     memory[PULL] = math.hypot(_pull(rules, memory, tool, 0), _pull(rules, memory, tool, 1))
     memory[PULL + 1] = abs(_pull(rules, memory, tool, 2))
 
@@ -149,7 +149,7 @@ def _draw(memory, tool, i, share):
 
 @njit
 def _allowed(rules, memory, line, turn):
-    """Shares 0…1 of the pull in the plane and of the torque; SHARE says how much energy has left of either."""
+    """Shares 0…1 of the pull in the plane and of the torque that limits and energy leave."""
     straight, around = min(line, rules[LIMIT]), min(turn, rules[LIMIT + 1])
     tank = max(0.0, memory[TANK])  # rounding may leave it below 0, where a pull of none would be too much
     reserve = kept(rules, 0, straight) + kept(rules, 1, around)
@@ -157,11 +157,10 @@ def _allowed(rules, memory, line, turn):
         share = math.sqrt(tank / reserve)
         straight = min(straight, max(share * straight, memory[PULL] - rules[STEP]))
         around = min(around, max(share * around, memory[PULL + 1] - rules[STEP + 1]))
-        memory[SHARE] = share
     most = rules[WORST] * straight * straight + rules[WORST + 1] * around * around
     if most > tank:  # the tool's own motion has made more of it
         share = math.sqrt(tank / most)
-        straight, around, memory[SHARE] = share * straight, share * around, share
+        straight, around = share * straight, share * around
     return straight / line if line > 0.0 else 1.0, around / turn if turn > 0.0 else 1.0
 
 

@@ -96,7 +96,6 @@ def move_set_point(settings, own, tank, spring, motion, tool, output):
     output.exchange_energy, output.tools_apart = tank.shipped, apart(settings, own, tool)
     for i in range(int(settings.axes)):
         output.coupling_position[i], output.coupling_velocity[i] = spring.set_position[i], spring.set_velocity[i]
-        output.exchange_effort[i] = 0.0
 
 
 @njit

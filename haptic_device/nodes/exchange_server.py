@@ -13,7 +13,6 @@ from haptic_device.control.records import TRACE_ROW
 from haptic_device.message_fields import LOCAL_CONTACT, MOST, exchange_names
 from haptic_device.nodes import messages
 from haptic_device.nodes.polled_subscription import PolledSubscription
-from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.realtime import exchange_loop, exchange_step, scheduling, servo_loop
 from haptic_device.recording.layouts import CLOUD, JOINTS, CloudLayout, JointLayout
 
@@ -32,13 +31,13 @@ class ExchangeServer:
         self.state, self.watch = np.zeros(1, exchange_step.STATE), np.zeros(exchange_step.WATCHES, np.int64)
         self.state["session"], self.state["axes"] = secrets.randbits(48) | 1, axes
         self.follow(clock_offset)
-        self.state["method"] = EXCHANGE_METHODS.index(values["exchange.method"])
+        self.state["method"] = law.METHODS[values["exchange.method"]]
         self._node = node
         self._publisher = node.create_publisher(messages.JointState, "handle", messages.LATEST)
         # room for more than one: in a queue of one, a message that is refused replaces the answer before it
         self._subscription = PolledSubscription(node, "tool", JOINTS, messages.STREAM, raw=True)
         self.near_frame = exchange_step.make_near_frame(*CloudLayout(LOCAL_CONTACT).fixed(MOST))
-        local = values["exchange.method"] == EXCHANGE_METHODS[law.LOCAL]
+        local = values["exchange.method"] == "local"
         self._near = PolledSubscription(node, "local_contacts", CLOUD, messages.STREAM, raw=True) if local else None
         self._compiled, self._error = threading.Event(), None
         self._thread = threading.Thread(target=self._run, name="exchange")

@@ -31,7 +31,6 @@ IN_BAGS = {
     **{"fade.factor": "exchange_fade", "fade.released": "let_go"},
     **{"spring.stiffness": "spring", "spring.limit": "clamp", "spring.set_position": "set"},
     **{"tank.level": "tank", "tank.sample_before": "latched_before"},
-    **{"waves.answered": "tool_answered", "waves.store": "wave_store", "waves.received": "come"},
     **{"virtual_tool.pose": "copy", "virtual_tool.velocity": "copy_velocity"},
 }
 """group.field of a record → its name in the snapshots of all bags that there are; a field renamed since is added here.

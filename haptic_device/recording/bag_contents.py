@@ -53,7 +53,7 @@ TRACE_UNITS = {
     "surplus": "N s/m | N m s/rad",
     "lateness_counted": "s",
     "exchange_tank": "J",
-    "exchange_effort": "N | N·m, of waves N s | N·m·s",
+    "exchange_effort": "N | N·m",
     "motor": "N | N·m",
     **{name: PORT_UNITS["position"] for name in ("tool_position", "position", "coupling_position")},
     **{name: PORT_UNITS["velocity"] for name in ("tool_velocity", "velocity", "coupling_velocity")},

@@ -26,26 +26,15 @@ def replay(
     bag: Annotated[Path, typer.Argument(help="Bag folder or .mcap file.")],
     as_: Annotated[As, typer.Option("--as", help="The hand's target, or the device's own position.")] = As.target,
     check: Annotated[bool, typer.Option("--check", help="Compute the recorded ticks again, bit for bit.")] = False,
-    live: Annotated[bool, typer.Option("--live", help="Move the hand of a running loopback device instead.")] = False,
     params: Annotated[str | None, typer.Option(help=_PARAMS, autocompletion=shipped(""))] = None,
     delay: Annotated[float, number("--delay", "s", 0.0, 10.0, help="Delay of the exchange there and back [s].")] = 0.0,
     out: Annotated[Path | None, typer.Option(help="New bag of the replay [haptic_bags/replay-TIME].")] = None,
     namespace: Annotated[str | None, typer.Option(help="Where the bag holds several devices.")] = None,
 ) -> None:
     """Play a recorded hand motion in lock-step, into a new bag. With --check: exit code 1 if one bit differs."""
-    given = {
-        "--as device": as_ is As.device,
-        "--params": params is not None,
-        "--delay": delay > 0.0,
-        "--out": out is not None,
-    }
     if check:
-        _refuse("--check", given | {"--live": live})
+        _refuse({"--as device": as_ is As.device, "--params": params is not None, "--delay": delay > 0.0, "--out": out})
         _check(bag, namespace)
-        return
-    if live:
-        _refuse("--live", given)
-        _play(bag, namespace)
         return
     from haptic_device.analysis.report.reading import read_run
     from haptic_sim.cli.tables import print_comparison, print_notes
@@ -62,22 +51,9 @@ def replay(
     next_step(f"haptic report {shown_path(bag)} {shown_path(out)}")
 
 
-def _refuse(mode: str, given: dict[str, bool]) -> None:
-    if chosen := [option for option, is_given in given.items() if is_given]:
-        raise ValueError(f"replay {mode} takes no {', '.join(chosen)}: leave it out, or leave {mode} out")
-
-
-def _play(bag: Path, namespace: str | None) -> None:
-    from haptic_sim.cli.tables import print_notes
-    from haptic_sim.replay import rerun
-    from haptic_sim.supervision.operator_publisher import play
-
-    recording = rerun.recorded(bag, namespace)
-    print_notes(bag, recording.notes)
-    device = rerun.recorded_point(recording, {}).device
-    target, scale = rerun.hand_of(recording, False).played, (device.scale[0], *device.scale)
-    count = play(target, tuple(axis.name for axis in device.axes), scale, recording.namespace)
-    typer.echo(f"{count} targets published on {recording.namespace}/operator/target")
+def _refuse(given: dict[str, object]) -> None:
+    if chosen := [option for option, value in given.items() if value]:
+        raise ValueError(f"replay --check takes no {', '.join(chosen)}: leave it out, or leave --check out")
 
 
 def _check(bag: Path, namespace: str | None) -> None:

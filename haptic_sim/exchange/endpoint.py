@@ -21,7 +21,6 @@ import numpy as np
 
 from haptic_device.control import exchange_samples
 from haptic_device.message_fields import COMMON, LOCAL_CONTACT, MOST, exchange_names
-from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.recording.layouts import CloudLayout, JointLayout
 from haptic_sim.exchange.left_out_time import SHARE
 from haptic_sim.exchange.simulation import Counters, HandleSample, Planar, Simulation, ToolSample
@@ -118,7 +117,7 @@ class ExchangeEndpoint:
 
     def __init__(self, simulation: Answerer, home: Planar, method: str = "pspm"):
         self.simulation = cast(Simulation, simulation)  # what is reset or asked for local contacts is one
-        self.home, self._method = home, float(EXCHANGE_METHODS.index(method))
+        self.home, self._method = home, float(exchange_samples.METHODS[method])
         self.session = float(secrets.randbits(48) | 1)
         self.scene, self.paused, self.answered = 0, False, 0
         self.refused = dict.fromkeys(exchange_samples.REFUSALS[1:], 0)
@@ -230,10 +229,9 @@ class ExchangeEndpoint:
             return None
         tail, missing = arrays[0][axes:], 3 - axes
         self._peer = exchange_samples.Peer(tail[exchange_samples.SESSION], tail[exchange_samples.SEQUENCE], now_ns)
-        rest = self.home[axes:], (0.0,) * missing, (0.0,) * missing
-        position, velocity, effort = ((*given[:axes], *other) for given, other in zip(arrays, rest, strict=True))
-        limit = (*arrays[2][axes:][GAINS][:axes], *(0.0,) * missing)
-        whole = stamp_ns, position, velocity, *tail[GAINS], effort, tail[exchange_samples.ENERGY], limit
+        position = (*arrays[0][:axes], *self.home[axes:])
+        velocity, limit = ((*of[:axes], *(0.0,) * missing) for of in (arrays[1], arrays[2][axes:][GAINS]))
+        whole = stamp_ns, position, velocity, *tail[GAINS], tail[exchange_samples.ENERGY], limit
         return Question(HandleSample._make(whole), axes, tail, self._peer.session != before)
 
     def _judge(self, sample: np.ndarray, axes: int, now_ns: int) -> int:

@@ -4,13 +4,12 @@
 A port moves the world: it says for each sub-step where the handle is that the coupling pulls to.
 """
 
-import abc
 import math
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from haptic_device.control import exchange_wave, tool_side_tank
+from haptic_device.control import tool_side_tank
 from haptic_device.parameters import EXCHANGE_METHODS, Exchange
 from haptic_sim.exchange.port_limits import BUDGET, LIMITS, Limits
 from haptic_sim.protocol import STILL, Coupling, Planar, StepResult, World
@@ -30,7 +29,6 @@ class HandleSample(NamedTuple):
         damping: B of the coupling [N s/m].
         rotational_stiffness: K of the coupling about theta [N m/rad].
         rotational_damping: B of the coupling about theta [N m s/rad].
-        effort: what the exchange method sends in addition to the gains (docs/theory/exchange.md).
         energy: energy that the exchange method sends [J].
         limit: largest force of the coupling's spring on the hand [N, N, N m]; 0 where it is not told.
 
@@ -48,7 +46,6 @@ class HandleSample(NamedTuple):
     damping: float
     rotational_stiffness: float
     rotational_damping: float
-    effort: Planar = (0.0, 0.0, 0.0)
     energy: float = 0.0
     limit: Planar = STILL
 
@@ -73,8 +70,8 @@ class Port(Protocol):
     def step(self, world: World, target: np.ndarray, n: int) -> StepResult:
         """Advance a world by `n` sub-steps, the handle wished on the way between its two rows."""
 
-    def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
-        """The effort and energy of the tool sample."""
+    def send(self, supplied: float) -> float:
+        """Energy that the tool sample tells [J]; supplied: at this port so far [J]."""
 
     def kept_back(self, handle: HandleSample) -> np.ndarray | None:
         """By how much of the handle's position and velocity (6) limit or energy keep the force short; None if not."""
@@ -97,101 +94,43 @@ class DirectPort:
         """The handle as it is."""
         return world.step(target, n)
 
-    def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
-        """The force on the tool, and the energy supplied."""
-        return force_on_tool, supplied
+    def send(self, supplied: float) -> float:
+        """The energy supplied."""
+        return supplied
 
     def kept_back(self, handle: HandleSample) -> np.ndarray | None:
         """Nothing."""
         return None
 
 
-class EnergyTankPort(abc.ABC):
-    """What the two passive ports share: the rules and the memory of control/tool_side_tank, and the limits in them.
-
-    limits: force [N], torque [N m] and fastest change of the force [N/s] on the tool by the device's samples.
-    """
-
-    def __init__(self, limits: Limits):
-        self.limits, self.rules, self.memory = limits, np.zeros(tool_side_tank.RULES), np.zeros(tool_side_tank.MEMORY)
-        self._held = np.zeros((2, 6))  # target of a sub-step: the handle is kept where the tank lets it be
-        # Compiled here, not in the first exchange.
-        tool_side_tank.drive(self.rules, self.memory, *[(0.0, 0.0, 0.0)] * 3)
-        self.memory[:] = 0.0
-        tool_side_tank.worst(0.0, 0.0, 1.0)
-
-    def step(self, world: World, target: np.ndarray, n: int) -> StepResult:
-        """Sub-step by sub-step: each time `drive` says where the handle is, and `book` takes what came of it.
-
-        The handle is held for a sub-step where it is in the mean of the steps that this is taken in.
-        """
-        made, early = None, 0.5 - 0.5 / world.inner
-        start, end = target.tolist()
-        for k in range(1, n + 1):
-            before = world.position
-            position, velocity = self.drive(*_between(start, end, (k - early) / n), before)
-            self._held[:] = *position, *velocity
-            one = world.step(self._held, 1)
-            self.book(one.supplied, world.force_on_tool, before, world.position)
-            made = made.then(one) if made else one
-        return made or StepResult()
-
-    def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
-        """The handle, as near to the tool as limits and tank ask for."""
-        tool_side_tank.drive(self.rules, self.memory, position, velocity, tool)
-        found = self.memory[tool_side_tank.AIM : tool_side_tank.AIM + 6].tolist()
-        return tuple(found[:3]), tuple(found[3:])
-
-    def kept_back(self, handle: HandleSample) -> np.ndarray | None:
-        """What limit or tank made less of the handle's way to the tool at the last step's end; None for nothing."""
-        if self.memory[tool_side_tank.SHORT] == 0.0:
-            return None
-        held = self.memory[tool_side_tank.AIM : tool_side_tank.AIM + 6]
-        return np.array((*handle.position, *handle.velocity)) - held
-
-    @abc.abstractmethod
-    def book(self, supplied: float, force_on_tool: Planar, before: Planar, after: Planar) -> None:
-        """Take the sub-step's energy supplied [J], mean force on the tool [N, N, N m] and the tool's way."""
-
-    def _rule(self, gains: Coupling, sub_step: float, inner: int, told: Planar = STILL) -> None:
-        """Rules for these gains and this sub-step [s]; a torque may change as fast as a force does for its limit.
-
-        Over a sub-step of n steps a spring supplies more than over one: with the stretch as it was at the start in each
-        of them, which a world that shortens its moves may come to, as much as one of an n-th of its stiffness. Of
-        more than four steps moves that are made before others that are not take more (control/tool_side_tank.py, λ);
-        where the damping is too small for a bound there, the first counts.
-        """
-        stiff, damping, turning, turning_damping = gains
-        force, torque, slew = self.limits
-        self.rules[:] = (
-            *(stiff, stiff, turning, damping, damping, turning_damping),
-            _worst(stiff, damping, sub_step, inner),
-            _worst(turning, turning_damping, sub_step, inner),
-            *(force, torque),
-            *(slew * sub_step, slew * sub_step * torque / force),
-            *(sub_step / inner, inner),
-            *told,
-        )
-
-
-class PspmPort(EnergyTankPort):
+class PspmPort:
     """The handle drawn nearer where its pull could supply more energy than the device has shipped.
 
     What is really supplied is taken from the tank, and what the tool gives back comes into it. The tank begins with
     what the largest pull needs that device and limits hold (control/tool_side_tank), and what the device keeps before
     it ships any; with the budget at most. Where that is short, the hand feels the tool so much nearer.
+
+    limits: force [N], torque [N m] and fastest change of the force [N/s] on the tool by the device's samples.
     """
 
     def __init__(self, budget: float = BUDGET, limits: Limits = LIMITS):
-        super().__init__(limits)
-        way, still = np.zeros((2, 6)), (0.0, 0.0, 0.0)
-        tool_side_tank.covers(self.rules, self.memory, way, still, 2)
-        tool_side_tank.went(self.rules, self.memory, way, still)
-        tool_side_tank.kept(np.ones(tool_side_tank.RULES), 0, 0.0)
-        self.memory[:] = 0.0
+        self.limits, self.rules, self.memory = limits, np.zeros(tool_side_tank.RULES), np.zeros(tool_side_tank.MEMORY)
+        self._held = np.zeros((2, 6))  # target of a sub-step: the handle is kept where the tank lets it be
         self.budget, self.granted, self.returned = budget, 0.0, 0.0
         self._known: float | None = None
         self._told: tuple[Coupling, Planar] | None = None
+        self._compile()
+
+    def _compile(self) -> None:
+        """Here, not in the first exchange."""
+        way = np.zeros((2, 6))
+        tool_side_tank.drive(self.rules, self.memory, STILL, STILL, STILL)
+        tool_side_tank.worst(0.0, 0.0, 1.0)
+        self.memory[:] = 0.0
+        tool_side_tank.covers(self.rules, self.memory, way, STILL, 2)
+        tool_side_tank.went(self.rules, self.memory, way, STILL)
+        tool_side_tank.kept(np.ones(tool_side_tank.RULES), 0, 0.0)
+        self.memory[:] = 0.0
 
     @property
     def tank(self) -> float:
@@ -221,6 +160,26 @@ class PspmPort(EnergyTankPort):
             self._grant(*handle.limit)
         return gains
 
+    def _rule(self, gains: Coupling, sub_step: float, inner: int, told: Planar) -> None:
+        """Rules for these gains and this sub-step [s]; a torque may change as fast as a force does for its limit.
+
+        Over a sub-step of n steps a spring supplies more than over one: with the stretch as it was at the start in each
+        of them, which a world that shortens its moves may come to, as much as one of an n-th of its stiffness. Of
+        more than four steps moves that are made before others that are not take more (control/tool_side_tank.py, λ);
+        where the damping is too small for a bound there, the first counts.
+        """
+        stiff, damping, turning, turning_damping = gains
+        force, torque, slew = self.limits
+        self.rules[:] = (
+            *(stiff, stiff, turning, damping, damping, turning_damping),
+            _worst(stiff, damping, sub_step, inner),
+            _worst(turning, turning_damping, sub_step, inner),
+            *(force, torque),
+            *(slew * sub_step, slew * sub_step * torque / force),
+            *(sub_step / inner, inner),
+            *told,
+        )
+
     def _grant(self, x: float, y: float, turn: float) -> None:
         """Changes the reserve to what these limits of the device [N, N, N m] need; what is spent is not taken back."""
         force = min(self.limits.force, math.hypot(x, y)) if x > 0.0 or y > 0.0 else self.limits.force
@@ -233,95 +192,50 @@ class PspmPort(EnergyTankPort):
     def step(self, world: World, target: np.ndarray, n: int) -> StepResult:
         """All at once where the tank covers the worst of it and no limit is near; else sub-step by sub-step."""
         if n < 2 or not tool_side_tank.covers(self.rules, self.memory, target, world.position, n):
-            return super().step(world, target, n)
+            return self._one_by_one(world, target, n)
         made = world.step(target, n)
         tool_side_tank.went(self.rules, self.memory, target, world.position)
         self.memory[tool_side_tank.TANK] -= made.supplied
         return made
 
-    def book(self, supplied: float, force_on_tool: Planar, before: Planar, after: Planar) -> None:
-        """What the coupling supplied leaves the tank."""
-        self.memory[tool_side_tank.TANK] -= supplied
+    def _one_by_one(self, world: World, target: np.ndarray, n: int) -> StepResult:
+        """Sub-step by sub-step: each time `_drive` says where the handle is; what the coupling supplied is taken.
 
-    def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
-        """The force on the tool, and all that was sent back so far: what the tank holds above its reserve."""
+        The handle is held for a sub-step where it is in the mean of the steps that this is taken in.
+        """
+        made, early = None, 0.5 - 0.5 / world.inner
+        start, end = target.tolist()
+        for k in range(1, n + 1):
+            self._held[:] = self._drive(*_between(start, end, (k - early) / n), world.position)
+            one = world.step(self._held, 1)
+            self.memory[tool_side_tank.TANK] -= one.supplied
+            made = made.then(one) if made else one
+        return made or StepResult()
+
+    def _drive(self, position: Planar, velocity: Planar, tool: Planar) -> np.ndarray:
+        """Position and velocity of the handle, as near to the tool as limits and tank ask for."""
+        tool_side_tank.drive(self.rules, self.memory, position, velocity, tool)
+        return self.memory[tool_side_tank.AIM : tool_side_tank.AIM + 6]
+
+    def send(self, supplied: float) -> float:
+        """All that was sent back so far: what the tank holds above its reserve."""
         over = max(0.0, self.tank - self.granted)
         self.memory[tool_side_tank.TANK] -= over
         self.returned += over
-        return force_on_tool, self.returned
-
-
-class WaveVariablePort(EnergyTankPort):
-    """The tool pulled by the waves that have come: a force p − z v, which is a damper z to a handle at velocity p/z."""
-
-    def __init__(self, limits: Limits = LIMITS):
-        super().__init__(limits)
-        self._last_ns, self._sent_energy, self._energy_come = 0, 0.0, 0.0
-        self._sent, self._pending, self._rate = [0.0] * 3, [0.0] * 3, [0.0] * 3
-        self._come: Planar | None = None
-        self._impedance, self._sub_step = (1.0,) * 3, 1.0
-
-    def rejoin(self) -> None:
-        """The next sample's sums are the new zero, and nothing of the old ones is still to come."""
-        self._come, self._pending = None, [0.0] * 3
-        self.memory[:] = 0.0
-
-    def restart(self) -> None:
-        """As `rejoin`."""
-        self.rejoin()
+        return self.returned
 
     def kept_back(self, handle: HandleSample) -> np.ndarray | None:
-        """Nothing that a handle's place could say: the hand feels the waves that go back."""
-        return None
-
-    def receive(self, handle: HandleSample, sub_step: float, inner: int = 1) -> Coupling:
-        """What has come since the last sample is played over the time that the world now makes up."""
-        if self._come is None:
-            self._come, self._energy_come = handle.effort, handle.energy
-        passed, self._last_ns = (handle.time_ns - self._last_ns) * 1e-9, handle.time_ns
-        for i in range(3):
-            self._pending[i] += handle.effort[i] - self._come[i]
-            self._rate[i] = self._pending[i] / max(passed, sub_step)
-        self.memory[tool_side_tank.TANK] += max(0.0, handle.energy - self._energy_come)
-        self._come, self._energy_come = handle.effort, max(handle.energy, self._energy_come)
-        line, turning = (exchange_wave.impedance(k) for k in (handle.stiffness, handle.rotational_stiffness))
-        self._impedance, self._sub_step = (line, line, turning), sub_step
-        gains = Coupling(0.0, line, 0.0, turning)
-        self._rule(gains, sub_step, inner)
-        return gains
-
-    def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
-        """The waves of this sub-step as velocities; their energy leaves the tank."""
-        waves = [exchange_wave.played(*both, self._sub_step) for both in zip(self._pending, self._rate, strict=True)]
-        x, y, turn = (value / z for value, z in zip(waves, self._impedance, strict=True))
-        _, made = super().drive(tool, (x, y, turn), tool)
-        covered = self.memory[tool_side_tank.SHARE] == 1.0
-        for i, z in enumerate(self._impedance):
-            taken = made[i] * z if covered else waves[i]  # what energy does not cover is dropped, or it grows
-            self._pending[i] -= taken * self._sub_step
-            self.memory[tool_side_tank.TANK] -= exchange_wave.power(made[i] * z, z) * self._sub_step
-        return tool, made
-
-    def book(self, supplied: float, force_on_tool: Planar, before: Planar, after: Planar) -> None:
-        """The waves that go back: q = u − z v."""
-        for i in range(3):
-            z = self._impedance[i]
-            back = force_on_tool[i] - z * (after[i] - before[i]) / self._sub_step
-            self._sent[i] += back * self._sub_step
-            self._sent_energy += exchange_wave.power(back, z) * self._sub_step
-
-    def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
-        """The sums of the waves sent and of their energy."""
-        x, y, turn = self._sent
-        return (x, y, turn), self._sent_energy
+        """What limit or tank made less of the handle's way to the tool at the last step's end; None for nothing."""
+        if self.memory[tool_side_tank.SHORT] == 0.0:
+            return None
+        held = self.memory[tool_side_tank.AIM : tool_side_tank.AIM + 6]
+        return np.array((*handle.position, *handle.velocity)) - held
 
 
 def port_of(method: str, budget: float = BUDGET, limits: Limits = LIMITS) -> Port:
     """The port of an exchange method; ValueError if there is none of this name."""
     if method not in EXCHANGE_METHODS:
         raise ValueError(f"exchange.method is {method}; there are {', '.join(EXCHANGE_METHODS)}")
-    if method == "wave":
-        return WaveVariablePort(limits)
     return DirectPort() if method == "direct" else PspmPort(budget, limits)
 
 

@@ -32,8 +32,7 @@ class ToolSample(NamedTuple):
         position: of the tool's grip [m, m, rad], as the hand is to feel it: nearer to the handle where limit or energy
             of the port keep the force short.
         velocity: of the tool [m/s, m/s, rad/s].
-        force_on_tool: mean force of the coupling on the tool over the last sub-step [N, N, N m], or the value that the
-            exchange method sends instead.
+        force_on_tool: mean force of the coupling on the tool over the last sub-step [N, N, N m].
         contact: whether the tool was in contact during the exchange.
         energy: energy supplied at the tool's port so far [J], or what the exchange method sends.
 
@@ -308,9 +307,9 @@ class Simulation:
     def _sample(self, touched: bool, kept_back: np.ndarray | None, count: int) -> ToolSample:
         """The tool as the hand is to feel it: where the pull to it is the one that it got."""
         position, velocity = self.method.position, self.method.velocity
-        effort, energy = self.port.send(self.method.force_on_tool, self.ledger.supplied)
+        energy = self.port.send(self.ledger.supplied)
         if kept_back is not None:
             self.counters = self.counters._replace(short_ns=self.counters.short_ns + count * self.sub_step_ns)
             x, y, angle, vx, vy, turn = (np.array((*position, *velocity)) + kept_back).tolist()
             position, velocity = (x, y, angle), (vx, vy, turn)
-        return ToolSample(position, velocity, effort, touched, energy)
+        return ToolSample(position, velocity, self.method.force_on_tool, touched, energy)

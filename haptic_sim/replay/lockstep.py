@@ -208,9 +208,8 @@ class Lockstep:
         self._sent += 1
         *gains, _, limit = self.gains.tolist()
         port = (tuple(row.position.tolist()), tuple(row.velocity.tolist()))
-        shipped = (tuple(row.exchange_effort.tolist()), float(row.exchange_energy))
-        now = int(row.deadline)
-        self._fly(self._going, now, self._sent, now, HandleSample._make((now, *port, *gains, *shipped, tuple(limit))))
+        now, shipped = int(row.deadline), float(row.exchange_energy)
+        self._fly(self._going, now, self._sent, now, HandleSample._make((now, *port, *gains, shipped, tuple(limit))))
 
 
 def _split(flying: Flying, deadline: int) -> tuple[Flying, Flying]:

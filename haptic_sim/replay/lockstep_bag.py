@@ -13,7 +13,6 @@ from haptic_device.description import Device
 from haptic_device.message_fields import TAIL, frame_id
 from haptic_device.nodes.bag_attachments import YAML
 from haptic_device.parameter_types import SECTION
-from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.realtime import tick_replay
 from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, CloudLayout, JointLayout, types
 from haptic_device.recording.writer import Bag
@@ -174,7 +173,7 @@ class LockstepBag:
         known = {name: driver[f"coupling.{name}"] for name in gains} | {
             "layout_version": exchange_samples.LAYOUT_VERSION
         }
-        known["exchange_method"] = EXCHANGE_METHODS.index(driver["exchange.method"])
+        known["exchange_method"] = exchange_samples.METHODS[driver["exchange.method"]]
         names = self._axes + TAIL
         zeros = np.zeros(len(names))
         return JointLayout(names, FRAME).pack(EPOCH, [known.get(name, 0.0) for name in names], zeros, zeros)

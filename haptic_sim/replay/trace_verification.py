@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from haptic_device.control import contact_model, records
+from haptic_device.control.exchange_samples import METHODS
 from haptic_device.message_fields import COMMON, EACH, MOST
 from haptic_device.realtime import tick_replay
 
@@ -89,6 +90,8 @@ def _check(trace: np.ndarray, snapshots: np.ndarray) -> None:
     if len(snapshots) == 0:
         raise ValueError("the bag has no snapshot of the servo's settings, without which no tick can be computed again")
     tick_replay.parts_of(snapshots[:1])
+    if unknown := set(snapshots["settings.exchange_method"]) - set(METHODS.values()):
+        raise ValueError(f"the bag was recorded with exchange method {unknown.pop():g}, which this version lacks")
 
 
 def _stretches(trace: np.ndarray, snapshots: np.ndarray) -> Iterator[Stretch]:

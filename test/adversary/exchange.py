@@ -72,10 +72,10 @@ def main():
         print(f"{method:7} {found.energy * 1e3:12.4f} mJ, pull {pull:.3f} N, its change {slew:.3f} N/ms", flush=True)
 
 
-def sample(number, position, velocity, effort, energy):
+def sample(number, position, velocity, energy):
     """The handle sample of one axis with the gains of this search."""
     port = (position, 0.0, 0.0), (velocity, 0.0, 0.0)
-    return HandleSample(number * 1_000_000, *port, STIFFNESS, DAMPING, 1.0, 0.001, (effort, 0.0, 0.0), energy)
+    return HandleSample(number * 1_000_000, *port, STIFFNESS, DAMPING, 1.0, 0.001, energy=energy)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ One axis, no device mass: the handle is wherever the adversary has it, which is 
 handle moves by Δx while the real servo's forces act, late as they are; given to the operator is the most that any path
 of that way takes (late_forces) less f_c |Δx|. Adversaries (tool_samples):
 
-* free: every sample says what it likes: position, velocity, age, contact, energy, waves;
+* free: every sample says what it likes: position, velocity, age, contact, energy, effort;
 * late: the tool is where the handle was N ticks ago, held by a wall at 0 where a gene says so, or lost.
 
 A path is an array (ticks, GENES) of numbers of order one. With `rough` one tick in some is missed by the servo, and in
@@ -171,7 +171,7 @@ def _spring(gains, stretch):
 
 @njit
 def _booked(memory, record):
-    """Energy [J] that tank, springs and waves may still give, or that was shipped, less the budget."""
+    """Energy [J] that tank and springs may still give, or that was shipped, less the budget."""
     walls, limit, stored = memory.in_force.wall, memory.in_force.coupling.limit[0], memory.tank.level
     stretch = record.output.coupling_position[0] - record.output.position[0]
     stored += virtual_coupling.spring_store(memory.spring.stiffness[0], memory.spring.limit[0], stretch)
@@ -179,7 +179,7 @@ def _booked(memory, record):
     for j in range(int(walls.count)):
         depth = max(0.0, memory.walls.depth[j])
         stored += virtual_coupling.spring_store(there * walls.stiffness[j], there * limit, depth)
-    return stored + memory.tank.shipped - memory.tank.returned + memory.waves.store - memory.in_force.exchange.budget
+    return stored + memory.tank.shipped - memory.tank.returned - memory.in_force.exchange.budget
 
 
 def engaged(tank=0.0):
@@ -232,7 +232,7 @@ def _change(random, shape):
 
 
 def scale_of(settings, reach=1.0):
-    """What one of each gene is: steps and stretches of some newtons, any age, sums of energy and waves that matter."""
+    """What one of each gene is: steps and stretches of some newtons, any age, sums of energy and effort that matter."""
     stretch = reach * 5.0 / max(1.0, float(settings["coupling"]["stiffness"][0, 0]))
     way = reach * 2.5 * float(settings["period"][0]) / float(settings["hardware"]["damping"][0, 0])
     return np.array([way, stretch, reach, 0.03, 1.0, 1e-3, 1e-2, 1.0, 1.0])

@@ -4,7 +4,7 @@
     python test/adversary/late.py [evaluations [method ...]]
 
 One axis, 1.05 times the physical damping that the driver asks for at the delay described, budget 20 µJ. `drawn`: the
-most that was given beyond budget and tank, or that tank, springs and waves were above the truth: 0 where all is paid.
+most that was given beyond budget and tank, or that tank and springs were above the truth: 0 where all is paid.
 """
 
 import sys
@@ -14,7 +14,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))  # of this package
 
 from adversary.late_cases import BUDGET, CASES, drawn
 
-METHODS = "pspm", "local", "wave"
+METHODS = "pspm", "local"
 
 
 def main():

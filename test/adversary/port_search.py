@@ -3,7 +3,7 @@
 
 The world is the adversary's too: in every sub-step the tool moves by whatever a gene says, as contacts might have it,
 and the coupling's force follows by backward difference, K (x_h − x⁺) + B (v_h − v⁺). One axis. A path is an array
-(exchanges, 4 + sub-steps): handle's position and velocity, energy and wave shipped, then the tool's velocities.
+(exchanges, 3 + sub-steps): handle's position and velocity, energy shipped, then the tool's velocities.
 """
 
 from typing import NamedTuple
@@ -13,7 +13,7 @@ import numpy as np
 from haptic_sim.protocol import STILL, Coupling, StepResult, held
 
 SUB_STEPS = 4
-SCALE = np.array([5e-3, 0.5, 1e-3, 1e-2, *[0.3] * SUB_STEPS])
+SCALE = np.array([5e-3, 0.5, 1e-3, *[0.3] * SUB_STEPS])
 
 
 class Puppet:
@@ -44,20 +44,20 @@ class Supplied(NamedTuple):
 
 
 def oversupply(port, sample, path, sub_step, inner=1, limits=(SUB_STEPS,)):
-    """Most energy supplied beyond what was shipped [J]. sample(number, position, velocity, effort, energy).
+    """Most energy supplied beyond what was shipped [J]. sample(number, position, velocity, energy).
 
     inner: steps in which the world takes a sub-step, the tool's velocity the same in all; limits: most sub-steps that
     are made in the exchanges, in turns: the rest is left out.
     """
-    world, supplied, shipped, effort, first, most = Puppet(sub_step, inner), 0.0, 0.0, 0.0, 0.0, 0.0
-    for number, (place, rate, energy, wave, *moves) in enumerate((path * SCALE).tolist()):
-        shipped, effort = shipped + abs(energy), effort + wave
+    world, supplied, shipped, first, most = Puppet(sub_step, inner), 0.0, 0.0, 0.0, 0.0
+    for number, (place, rate, energy, *moves) in enumerate((path * SCALE).tolist()):
+        shipped += abs(energy)
         first = shipped if number == 0 else first
-        world.gains = port.receive(sample(number, place, rate, effort, shipped), sub_step, inner)
+        world.gains = port.receive(sample(number, place, rate, shipped), sub_step, inner)
         for world.velocity in moves[: limits[number % len(limits)]]:
             supplied += port.step(world, held((place, 0.0, 0.0), (rate, 0.0, 0.0)), 1).supplied
             most = max(most, supplied - (shipped - first))
-        port.send(world.force_on_tool, supplied)
+        port.send(supplied)
     return most
 
 
@@ -73,10 +73,10 @@ def fastest(port_of, sample, evaluations, sub_step=0.25e-3, exchanges=12, seed=0
 
 def _pulls(port, sample, path, sub_step):
     """Force on a tool that is held at 0 [N], sub-step by sub-step."""
-    world, shipped, effort = Puppet(sub_step), 0.0, 0.0
-    for number, (place, rate, energy, wave, *moves) in enumerate((path * SCALE).tolist()):
-        shipped, effort = shipped + abs(energy), effort + wave
-        world.gains = port.receive(sample(number, place, rate, effort, shipped), sub_step)
+    world, shipped = Puppet(sub_step), 0.0
+    for number, (place, rate, energy, *moves) in enumerate((path * SCALE).tolist()):
+        shipped += abs(energy)
+        world.gains = port.receive(sample(number, place, rate, shipped), sub_step)
         for _ in moves:
             port.step(world, held((place, 0.0, 0.0), (rate, 0.0, 0.0)), 1)
             yield world.force_on_tool[0]

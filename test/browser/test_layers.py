@@ -44,7 +44,7 @@ STOPPED = {"title": "Emergency stop", "cause": "A person pressed stop.", "first"
 FAULT = {"level": 2, "message": "fault: estop", "values": {**DRIVER, "state": "fault", "fault": "estop"}}
 WALLS = {"normals": [0.0, 1.0, 1.0, 0.0], "offsets": [-0.03, -0.08], "stiffness": [100.0, 50.0], "damping": [0.1, 0.1]}
 ONE = {"unit": "ms", "low": 0, "high": 200}
-OFFER = {"exchange.method": {"value": "pspm", "choices": ["direct", "pspm", "wave"]}, "delay": {"value": 0.0, **ONE}}
+OFFER = {"exchange.method": {"value": "pspm", "choices": ["direct", "pspm", "local"]}, "delay": {"value": 0.0, **ONE}}
 
 
 PUSHING = {

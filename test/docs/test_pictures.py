@@ -11,12 +11,11 @@ import pytest
 from matplotlib.figure import Figure
 
 from bench.jobs import read_csv
-from bench.methods import growth, measure
+from bench.methods import measure
 from bench.methods.figure import pareto_figure
 from haptic_device.analysis import palette, passivity_figure
 from haptic_device.analysis.assessment import Display, assess
 from haptic_device.analysis.report import curves
-from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_sim import method_registry, viewer
 from haptic_sim.film import gif
 
@@ -35,7 +34,6 @@ APART = 15.0  # CIE 1976 colour difference; 2.3 is just noticeable side by side
 PLANE = ("handle", "tool", "fixed", "moving", "coupling", "force", "contact", "target")
 FAMILIES = {
     "methods": {name: look.colour for name, look in palette.METHODS.items()},
-    "exchanges": {name: look.colour for name, look in palette.EXCHANGES.items()},
     "runs": {number: look.colour for number, look in enumerate(palette.RUNS)},
     "plane": {name: getattr(palette, name.upper()) for name in PLANE},
     "cells": dict(enumerate(palette.CELLS)),
@@ -77,12 +75,11 @@ def test_the_verdict_on_a_display_is_told_by_mark_colour_and_word(monkeypatch, s
     assert f"this display: {verdict}" in [text.get_text() for text in saved[0].legends[0].get_texts()]
 
 
-def test_pictures_of_the_stored_runs_are_to_one_scale():
+def test_panels_of_the_stored_runs_are_to_one_scale():
     runs = read_csv(STORED / "speed_error.csv", measure.Run)
-    errors, growing = pareto_figure(runs), growth.figure(read_csv(STORED / "growth.csv", growth.Run))
+    errors = pareto_figure(runs)
     assert [axes.get_title() for axes in errors.axes] == list(dict.fromkeys(item.scene for item in runs))
     assert len({(axes.get_xlim(), axes.get_ylim()) for axes in errors.axes}) == 1
-    assert len({axes.get_ylim() for axes in growing.axes[:-1]}) == 1
 
 
 def test_no_two_colours_of_a_picture_look_alike_to_anybody():
@@ -96,9 +93,8 @@ def test_no_two_colours_of_a_picture_look_alike_to_anybody():
 
 def test_every_method_has_a_look_and_lines_differ_without_colour_too():
     assert set(palette.METHODS) == set(method_registry.METHODS)
-    assert set(palette.EXCHANGES) == set(EXCHANGE_METHODS)
-    for looks in (palette.METHODS | palette.PEERS, palette.EXCHANGES):
-        assert len({look.mark for look in looks.values()}) == len(looks)
+    looks = palette.METHODS | palette.PEERS
+    assert len({look.mark for look in looks.values()}) == len(looks)
     assert len({look.dashes for look in palette.RUNS}) == len(palette.RUNS)
     assert palette.PASS_MARK != palette.FAIL_MARK
     assert len(set(palette.HATCHES)) == len(palette.CELLS)

@@ -137,7 +137,7 @@ def test_wrong_stamps_and_jumps_of_the_simulation_that_is_accepted_give_no_energ
 
 def test_an_exchange_method_that_differs_is_refused_in_a_sentence_and_the_handle_is_free(nodes, ear):
     nodes.lack("haptic_driver")  # which knows the simulation
-    nodes.have("haptic_simulation", scene="free_space", exchange__method="wave")
+    nodes.have("haptic_simulation", scene="free_space", exchange__method="direct")
     nodes.have("haptic_driver", auto_enable=True, **DISPLAY["haptic_driver"])
     said = "handle messages refused: other exchange method; set exchange.method alike on driver and simulation"
     level, message, values = ear.news("haptic_simulation", lambda level, message, values: said in message)

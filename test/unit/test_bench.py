@@ -79,7 +79,7 @@ def test_what_cannot_be_measured_is_refused_in_one_sentence(monkeypatch, tmp_pat
     monkeypatch.setenv("PATH", "/nowhere")
     for words, sentence in (
         (("speed_error", "--scenes", "walls"), "scene is 'walls'; those that have a reference are free_space"),
-        (("growth", "--worlds", "dune"), "world is 'dune'; it must be one of row, heap"),
+        (("hard_cases", "--scenes", "dune"), "scene is 'dune'; it must be one of collinear_1e3, "),
         (("reference", "wall"), "scene 'wall' has a closed form; there is nothing to store"),
         (("speed-error",), "measurement is 'speed-error'; it must be one of all, "),
         (("link", "--rate", "1000", "--seconds", "0.2", "--turns", "1"), "link_pair.c cannot be compiled: "),

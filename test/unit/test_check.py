@@ -200,8 +200,8 @@ def test_an_operating_point_names_the_bad_file_that_it_names(tmp_path):
 
 
 UNDAMPED = "device: undamped, coupling: {stiffness: 100.0, damping: 0.0}"
-WAVE, CIRCLE = "exchange: {method: wave}", "name: circle, start: [0.11, 0.0, 0.0]"
-METHODS = "exchange.method is 'wave' of haptic_driver and 'pspm' of haptic_simulation; both must have the same"
+DIRECT, CIRCLE = "exchange: {method: direct}", "name: circle, start: [0.11, 0.0, 0.0]"
+METHODS = "exchange.method is 'direct' of haptic_driver and 'pspm' of haptic_simulation; both must have the same"
 DEVICES = "device is 'undamped' of haptic_driver and 'desktop' of haptic_loopback, which differ in axes[0].damping, "
 ENDS, ROOM = ("start", "target"), "of the device; its workspace is -0.12 to 0.12 m"
 
@@ -211,9 +211,9 @@ def moving(motion):
 
 
 TOGETHER = [
-    (point(driver=WAVE), METHODS),
-    (point(driver=WAVE, simulation="exchange: {method: pspm}"), METHODS),
-    (point(driver=WAVE, simulation=WAVE), ""),
+    (point(driver=DIRECT), METHODS),
+    (point(driver=DIRECT, simulation="exchange: {method: pspm}"), METHODS),
+    (point(driver=DIRECT, simulation=DIRECT), ""),
     (point(driver=UNDAMPED, loopback="device: desktop"), f"{DEVICES}axes[1].damping; both must have the same"),
     (point(driver=UNDAMPED), ""),  # hardware, and no loopback
     (moving("name: press_wall, target: [0.13, 0.0, 0.0]"), f"motion.target x is at 0.13 m {ROOM}"),

@@ -16,6 +16,7 @@ from fault_injection.flood import mutated
 from haptic_device.control import exchange_samples as law
 from haptic_device.control import records
 from haptic_device.message_fields import TAIL, exchange_names
+from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.realtime import clock, exchange_step, servo_loop
 from haptic_device.realtime.seqlock import SeqLock
 from haptic_device.recording.layouts import JointLayout
@@ -94,13 +95,16 @@ class Simulation:
 
     @property
     def heard(self):
-        asked = [
-            [*one.position, *one.velocity, *one.effort, *one.gains, one.energy] for one in self.end.simulation.asked
-        ]
+        asked = [[*one.position, *one.velocity, *one.gains, one.energy] for one in self.end.simulation.asked]
         return np.array(asked[-1] if asked else [])
 
     def message(self, number=SEQUENCE, session=PEER, **given):
         return handle(number, session, self.axes, **given)
+
+
+def test_a_method_has_the_number_that_bags_have_of_it_and_one_that_is_no_more_has_a_name_still():
+    assert law.METHODS == {"direct": 0, "pspm": 2, "local": 3} and tuple(law.METHODS) == EXCHANGE_METHODS
+    assert [law.name_of(number) for number in (1, 2)] == ["number 1", "pspm"]
 
 
 SIDES = pytest.mark.parametrize("side", [Driver, Simulation])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exchange methods as laws: what a tank pays, what waves carry, and what is believed of a message."""
+"""Exchange methods as laws: what a tank pays, and what is believed of a message."""
 
 import math
 
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_device.control import exchange_samples, exchange_wave, set_position, virtual_coupling
+from haptic_device.control import exchange_samples, set_position, virtual_coupling
 
 FORCE = st.floats(-50.0, 50.0)
 STRETCH = st.floats(-0.1, 0.1)
@@ -94,44 +94,6 @@ def test_a_free_tool_is_foretold_beside_the_handle_as_far_as_its_agility_lets_it
     for trust, share in ((math.inf, 1.0), (0.002, 0.5), (0.0, 0.0)):  # of its force, half at the age of trust
         beside = set_position.predicted_beside_handle(0.01, 0.01, 1e-5, 0.002, 20.0, trust)
         assert beside == pytest.approx(0.01 - share * 1e-5, abs=1e-12)
-
-
-@given(spring=FORCE, rate=st.floats(-1.0, 1.0), incoming=FORCE, limit=st.floats(0.5, 50.0), k=st.floats(0.0, 2e4))
-def test_the_port_obeys_coupling_and_wave_at_once(spring, rate, incoming, limit, k):
-    damping, z, period = 0.5, exchange_wave.impedance(k), 0.25e-3
-    velocity = exchange_wave.port_velocity(incoming, spring, damping, rate, k, limit, z, period)
-    force = min(limit, max(-limit, spring - k * period * velocity)) + damping * (rate - velocity)
-    assert force - z * velocity == pytest.approx(incoming, abs=1e-9)
-    outgoing = force + z * velocity
-    assert exchange_wave.power(outgoing, z) - exchange_wave.power(incoming, z) == pytest.approx(
-        force * velocity, abs=1e-6
-    )
-
-
-@given(come=st.lists(st.floats(-0.01, 0.01), min_size=1, max_size=20), gaps=st.lists(st.integers(1, 8), min_size=20))
-def test_played_waves_sum_up_to_what_has_come_whenever_it_comes(come, gaps):
-    period, pending, played = 0.25e-3, 0.0, 0.0
-    for sample, gap in zip(come, gaps, strict=False):
-        pending += sample
-        rate = pending / 1.5e-3
-        for _ in range(gap):
-            value = exchange_wave.played(pending, rate, period)
-            pending, played = pending - value * period, played + value * period
-    assert played + pending == pytest.approx(sum(come), abs=1e-12)
-    rate = pending / 1.5e-3
-    for _ in range(6):
-        pending -= exchange_wave.played(pending, rate, period) * period
-    assert pending == pytest.approx(0.0, abs=1e-15)
-
-
-@given(waves=st.lists(FORCE, min_size=1, max_size=30), store=st.floats(0.0, 1e-3))
-def test_waves_played_hold_no_more_energy_than_has_come(waves, store):
-    z, period, left = 8.0, 0.25e-3, store
-    for value in waves:
-        share = exchange_wave.covered(exchange_wave.power(value, z) * period, left)
-        left -= exchange_wave.power(share * value, z) * period
-        assert left >= -1e-15
-        assert share == 1.0 or left == pytest.approx(0.0, abs=1e-12)
 
 
 def test_of_the_energy_that_a_message_brings_only_what_was_sent_is_believed():

@@ -15,7 +15,7 @@ from ticks import tick
 from adversary import exchange_search as adversary
 from adversary import port_search
 from adversary.worst_paths import worst
-from haptic_device.control import enable_state, exchange_wave, faults, tool_side_tank, virtual_coupling
+from haptic_device.control import enable_state, faults, tool_side_tank, virtual_coupling
 from haptic_device.parameters import POLICIES
 from haptic_sim.exchange.port import PspmPort, port_of
 from haptic_sim.exchange.port_limits import BUDGET, Limits
@@ -24,7 +24,6 @@ from haptic_sim.reduction import reduce_scene
 from haptic_sim.replay.lockstep import Network
 from haptic_sim.scene.language import load
 
-PASSIVE = ("wave", "pspm")
 BOUND = 0.005 + 1e-7  # [J] exchange.budget, and what rounding of a path of newtons makes of it
 FAST = 2000.0, 2.0, 0.25e-3  # stiffness, damping, period
 SLOW = 1000.0, 0.25, 1e-3
@@ -32,14 +31,13 @@ SLOW = 1000.0, 0.25, 1e-3
 
 def searched():
     """Name, settings, adversary and seed of each path that is kept."""
-    for method in PASSIVE:
-        for gains, late in itertools.product((SLOW, FAST), (adversary.FREE, 0, 20)):
-            yield f"{method} {gains[0]:g} {late}", one_axis(method, *gains), adversary.Adversary(late, 0.3), late + 2
-        yield f"{method} controlled", one_axis(method, passivity__control=True), adversary.Adversary(loss=0.3), 5
-        # far stronger than the budget: books that hold for full tanks too, at the force limit and with missed ticks
-        for limit, reach, rough in itertools.product((2.0, 20.0), (0.3, 1.0, 5.0), (0, 1)):
-            full = adversary.Adversary(loss=0.2, reach=reach, rough=rough, books=1, full=1)
-            yield f"{method} {limit:g} {reach:g} {rough}", one_axis(method, *FAST, force__limit=limit), full, 3
+    for gains, late in itertools.product((SLOW, FAST), (adversary.FREE, 0, 20)):
+        yield f"pspm {gains[0]:g} {late}", one_axis("pspm", *gains), adversary.Adversary(late, 0.3), late + 2
+    yield "pspm controlled", one_axis("pspm", passivity__control=True), adversary.Adversary(loss=0.3), 5
+    # far stronger than the budget: books that hold for full tanks too, at the force limit and with missed ticks
+    for limit, reach, rough in itertools.product((2.0, 20.0), (0.3, 1.0, 5.0), (0, 1)):
+        full = adversary.Adversary(loss=0.2, reach=reach, rough=rough, books=1, full=1)
+        yield f"pspm {limit:g} {reach:g} {rough}", one_axis("pspm", *FAST, force__limit=limit), full, 3
 
 
 SEARCHED = {name: rest for name, *rest in searched()}
@@ -69,29 +67,25 @@ def test_the_same_search_finds_ten_budgets_from_direct_exchange_and_comes_close_
     assert found.change > 5.0 * direct["exchange"]["slew"][0, 0] * direct["period"][0]
 
 
-@pytest.mark.parametrize("method", PASSIVE)
-def test_what_an_encoder_step_hides_is_paid_for(method):
-    given, step = one_axis(method, *FAST), 5e-6
+def test_what_an_encoder_step_hides_is_paid_for():
+    given, step = one_axis("pspm", *FAST), 5e-6
     given["hardware"]["position_per_count"][:, 0] = step
     against = adversary.Adversary(coulomb=2000.0 * step / 2.0, reach=0.1, books=1, full=1)
     at_its_ends = given["coupling"]["limit"][0, 0] * step / 2.0
-    assert worst(f"{method} counts", given, against, 800, seed=4).overcredit <= at_its_ends
+    assert worst("pspm counts", given, against, 800, seed=4).overcredit <= at_its_ends
 
 
 @few(16)
 @given(
-    method=st.sampled_from(PASSIVE),
     seed=st.integers(0, 2**32),
     scale=st.sampled_from([(1.0, 1.0), (2.0, 0.5), (0.5, 2.0)]),
     limit=st.sampled_from([2.0, 20.0]),
     reach=st.sampled_from([0.3, 1.0, 3.0]),
     beside=st.sampled_from([(0.0, 0.0), (1000.0, 0.0), (0.0, 0.1), (0.0, 0.5)]),
 )
-def test_nor_in_three_axes_with_a_scaled_device_beside_a_wall_or_with_missed_ticks(
-    method, seed, scale, limit, reach, beside
-):
+def test_nor_in_three_axes_with_a_scaled_device_beside_a_wall_or_with_missed_ticks(seed, scale, limit, reach, beside):
     wall, missed = beside  # what a wall of the servo gives over a missed tick is the observer's business
-    assert credited(method, seed, scale, limit, reach, wall, missed) <= 1e-9
+    assert credited("pspm", seed, scale, limit, reach, wall, missed) <= 1e-9
 
 
 def test_fading_and_returning_costs_what_an_encoder_step_hides_of_its_change_of_force():
@@ -110,15 +104,14 @@ def test_fading_and_returning_costs_what_an_encoder_step_hides_of_its_change_of_
 
 @few(30)
 @given(
-    method=st.sampled_from(PASSIVE),
     genes=st.lists(st.tuples(*[st.floats(-3.0, 3.0) for _ in range(adversary.GENES)]), min_size=4, max_size=60),
     repeats=st.integers(1, 8),
     late=st.sampled_from([adversary.FREE, 0, 3, 50]),
     loss=st.floats(-3.0, 1.0),
 )
-def test_no_samples_and_no_path_give_more_than_the_budget(method, genes, repeats, late, loss):
+def test_no_samples_and_no_path_give_more_than_the_budget(genes, repeats, late, loss):
     path = np.repeat(np.array(genes), repeats, axis=0)
-    given = one_axis(method)
+    given = one_axis("pspm")
     memory, row = adversary.engaged()
     scale, watched, against = adversary.scale_of(given), np.zeros(4), adversary.Adversary(late, loss)
     assert adversary.energy_given(given, memory, row, path, scale, against, watched) <= BOUND
@@ -127,26 +120,23 @@ def test_no_samples_and_no_path_give_more_than_the_budget(method, genes, repeats
 @few(20)
 @given(
     scene=st.sampled_from(["wall", "push_block", "ratchet"]),
-    method=st.sampled_from(PASSIVE),
     way=st.lists(st.tuples(st.floats(-0.02, 0.03), st.floats(-1.0, 1.0), st.floats(0.0, 0.003)), min_size=2),
-    waves=st.lists(st.floats(-0.02, 0.02), min_size=100, max_size=100),
     gaps=st.lists(st.integers(0, 25), min_size=100, max_size=100),
     limits=st.lists(st.sampled_from([None, 0, 1, 2, 3, 5, 20]), min_size=100, max_size=100),
 )
-@example("wall", "wave", [(0.02, 1.0, 0.003)] * 60, [0.02] * 100, [20] * 100, [1] * 100)
-@example("push_block", "pspm", [(0.02, 1.0, 0.003), (-0.02, -1.0, 0.0)] * 30, [0.0] * 100, [20] * 100, [1] * 100)
-def test_the_tool_port_supplies_no_more_than_was_shipped_and_its_budget(scene, method, way, waves, gaps, limits):
+@example("wall", [(0.02, 1.0, 0.003)] * 60, [20] * 100, [1] * 100)
+@example("push_block", [(0.02, 1.0, 0.003), (-0.02, -1.0, 0.0)] * 30, [20] * 100, [1] * 100)
+def test_the_tool_port_supplies_no_more_than_was_shipped_and_its_budget(scene, way, gaps, limits):
     """In closed form, and in pymunk's world, which takes a sub-step in several steps; whatever time is left out."""
-    simulation = Simulation(reduce_scene(load(scene), None if scene == "wall" else "impulse"), port=port_of(method))
+    simulation = Simulation(reduce_scene(load(scene), None if scene == "wall" else "impulse"), port=port_of("pspm"))
     at = simulation.scene.tool.pose
-    gains, shipped, effort, first, time_ns = tuple(GAINS.values()), 0.0, 0.0, None, 0
-    for (x, v, energy), wave, gap, most in zip(way, waves, gaps, limits, strict=False):
-        shipped, effort, time_ns = shipped + energy, effort + wave, time_ns + gap * 1_000_000
+    gains, shipped, first, time_ns = tuple(GAINS.values()), 0.0, None, 0
+    for (x, v, energy), gap, most in zip(way, gaps, limits, strict=False):
+        shipped, time_ns = shipped + energy, time_ns + gap * 1_000_000
         first = shipped if first is None else first
         port = ((at[0] + x, at[1] - x, at[2] + 10.0 * x), (v, 0.0, 0.0))
-        simulation.exchange(HandleSample(time_ns, *port, *gains, (effort, 0.0, 0.0), shipped), most)
-        budget = BUDGET if method == "pspm" else 0.0
-        assert simulation.ledger.supplied <= shipped - first + budget + 1e-9
+        simulation.exchange(HandleSample(time_ns, *port, *gains, energy=shipped), most)
+        assert simulation.ledger.supplied <= shipped - first + BUDGET + 1e-9
 
 
 @pytest.mark.parametrize("exchange", ["direct", "pspm"])
@@ -176,46 +166,24 @@ class Deaf(PspmPort):
 def test_a_world_of_several_steps_a_sub_step_draws_the_budget_at_most_and_more_where_the_port_does_not_know_of_them():
     budget = 1e-6
     told, deaf = (
-        port_search.search(lambda made=made: made(budget), handle, evaluations=400, seed=1, inner=5)
+        port_search.search(lambda made=made: made(budget), handle, evaluations=800, seed=1, inner=5)
         for made in (PspmPort, Deaf)
     )
     assert 0.9 * budget < told.energy <= budget * (1.0 + 1e-9) < deaf.energy
 
 
-@pytest.mark.parametrize("method, budget", [("pspm", 1e-6), ("wave", 0.0)])
-def test_a_world_that_leaves_time_out_draws_the_budget_at_most_or_what_the_waves_have_brought(method, budget):
-    every = [(1,), (0, 4), (2, 4, 1), (3, 0, 0, 1)]
-    searches = (port_search.search(lambda: port_of(method, budget), handle, 0.25e-3, limits=each) for each in every)
+def test_a_world_that_leaves_time_out_draws_the_budget_at_most():
+    every, budget = [(1,), (0, 4), (2, 4, 1), (3, 0, 0, 1)], 1e-6
+    searches = (port_search.search(lambda: PspmPort(budget), handle, 0.25e-3, limits=each) for each in every)
     assert 0.5 * budget <= max(found.energy for found in searches) <= budget * (1.0 + 1e-9) + 1e-12
-
-
-def wave_samples(times, force=1.0):
-    """Of a device that sends an even wave [N], and its energy, each millisecond."""
-    z, gains = exchange_wave.impedance(GAINS["coupling__stiffness"]), tuple(GAINS.values())
-    for k in range(times):
-        shipped = (1e-3 * force * k, 0.0, 0.0), 1e-3 * exchange_wave.power(force, z) * k
-        yield HandleSample(k * 1_000_000, (0.0,) * 3, (0.0,) * 3, *gains, *shipped)
-
-
-@pytest.mark.parametrize("most", [1, 3])
-def test_waves_that_time_was_left_out_of_are_played_later_and_move_the_tool_no_farther(most):
-    slow, whole = (Simulation(reduce_scene(load("free_space")), port=port_of("wave")) for _ in range(2))
-    for sample in wave_samples(400):
-        slow.exchange(sample, most)
-        whole.exchange(sample)
-        assert abs(slow.method.force_on_tool[0]) <= Limits().force
-        assert slow.ledger.supplied <= sample.energy + 1e-12
-        assert 0.0 <= slow.method.position[0] <= whole.method.position[0] + 1e-9
-    assert slow.counters.sub_steps == most * 399 and slow.method.position[0] > 0.25 * whole.method.position[0]
 
 
 SMOOTH = 1.0 + tool_side_tank.DAMPER_SLEW
 
 
-@pytest.mark.parametrize("method", PASSIVE)
 @pytest.mark.parametrize("limits", [Limits(5.0, 1.0, 400.0), Limits(20.0, 1.0, 2000.0)])
-def test_no_samples_pull_a_held_tool_harder_than_the_limit_or_change_the_pull_faster_than_the_slew(method, limits):
-    pull, change = port_search.fastest(lambda: port_of(method, BUDGET, limits), handle, 300)
+def test_no_samples_pull_a_held_tool_harder_than_the_limit_or_change_the_pull_faster_than_the_slew(limits):
+    pull, change = port_search.fastest(lambda: PspmPort(BUDGET, limits), handle, 300)
     assert pull <= limits.force * (1.0 + 1e-9)
     assert change <= SMOOTH * limits.slew * 1e-3 * (1.0 + 1e-9)
     assert change > 0.9 * limits.slew * 1e-3  # they come up to it
@@ -223,10 +191,10 @@ def test_no_samples_pull_a_held_tool_harder_than_the_limit_or_change_the_pull_fa
     assert pull > limits.force and change > 10.0 * limits.slew * 1e-3
 
 
-def handle(number, position, velocity, effort, energy):
+def handle(number, position, velocity, energy):
     """A handle sample of one axis."""
     moving = (position, 0.0, 0.0), (velocity, 0.0, 0.0)
-    return HandleSample(number * 1_000_000, *moving, *GAINS.values(), (effort, 0.0, 0.0), energy)
+    return HandleSample(number * 1_000_000, *moving, *GAINS.values(), energy=energy)
 
 
 def tank_of(stiffness, force, slew, energy):
@@ -273,7 +241,6 @@ def test_whatever_the_tank_holds_the_pull_is_a_finite_share_of_what_is_wanted(ta
         tool_side_tank.drive(rules, memory, aim, speed, still)
         aims, speeds = (memory[place : place + 3] for place in (tool_side_tank.AIM, tool_side_tank.SPEED))
         made = stiffness * aims + damping * speeds
-        assert 0.0 <= memory[tool_side_tank.SHARE] <= 1.0
         for one, wanted in zip(made, asked, strict=True):
             assert 0.0 <= one * np.sign(wanted) <= abs(wanted) * (1.0 + 1e-9)
         assert tank > 0.0 or abs(made).max() < 1e-150  # whose energy is 0 in numbers
@@ -355,7 +322,7 @@ def test_what_a_long_hold_leaves_owing_the_spring_pays_at_once_and_no_more(tank,
     assert row["force_on_handle"][0, 0] * force > 0.0 and abs(row["force_on_handle"][0, 0]) <= abs(force) * (1.0 + 1e-9)
 
 
-@pytest.mark.parametrize("method, share, longest", [("local", 0.05, 40), ("pspm", 0.05, 16), ("wave", 0.02, 40)])
+@pytest.mark.parametrize("method, share, longest", [("local", 0.05, 40), ("pspm", 0.05, 16)])
 def test_missed_ticks_by_the_hundred_give_no_more_than_the_budget(method, share, longest):
     """A tool at a wall, of 0.95 of what b covers at the period: a hold of two periods is beyond."""
     given, rows = stalling.pressed(method, 0.95, share, longest)
@@ -394,29 +361,26 @@ def pressed(given):
     return memory, row, float(memory["tank"]["level"][0])
 
 
-@pytest.mark.parametrize("method", PASSIVE)
-def test_a_wall_behind_a_bad_network_is_steady_and_passive_and_direct_exchange_is_not(method):
+def test_a_wall_behind_a_bad_network_is_steady_and_passive_and_direct_exchange_is_not():
     network = Network(0.02, 0.01, 0.1, 3)
     motion = {"start": [0.03, 0.0, 0.0], "target": [0.004, 0.0, 0.0], "duration": 6.0}
-    system, direct = (demo_system(name, "wall", network, motion) for name in (method, "direct"))
+    system, direct = (demo_system(name, "wall", network, motion) for name in ("pspm", "direct"))
     rows = system.run(4.3)
     assert system.plant_memory["energy_given"][0] <= BOUND
     before, end = rows[-6000:-4000].force_coupling[:, 0], rows[-2000:].force_coupling[:, 0]
     assert np.ptp(end) < np.ptp(before) + 0.2  # [N] nothing that grows
     assert np.mean(end) == pytest.approx(np.mean(before), rel=0.05)  # nothing that drifts
     assert np.mean(end) > 1.0
-    if method == "pspm":
-        stretch = rows[-2000:].tool_position[:, 0] - rows[-2000:].position[:, 0]
-        assert np.ptp(end) < 0.1 and np.mean(end) == pytest.approx(2000.0 * np.mean(stretch), rel=0.05)
+    stretch = rows[-2000:].tool_position[:, 0] - rows[-2000:].position[:, 0]
+    assert np.ptp(end) < 0.1 and np.mean(end) == pytest.approx(2000.0 * np.mean(stretch), rel=0.05)
     direct.run(1.9)
     assert direct.plant_memory["energy_given"][0] > 0.1
 
 
-@pytest.mark.parametrize("method", PASSIVE)
 @pytest.mark.parametrize("field", ["tool_position", "tool_velocity", "tool_effort", "tool_energy", "tool_age", "drag"])
-def test_what_is_not_a_number_stops_the_motor_and_books_no_force(method, field):
+def test_what_is_not_a_number_stops_the_motor_and_books_no_force(field):
     for value in (np.nan, np.inf):
-        given = one_axis(method, *FAST)
+        given = one_axis("pspm", *FAST)
         memory, row, before = pressed(given)
         stored = virtual_coupling.spring_store(*(memory["spring"][of][0, 0] for of in ("stiffness", "limit")), 0.004)
         row[field] = value

@@ -22,7 +22,7 @@ from haptic_sim.reduction import reduce_scene
 from haptic_sim.replay.lockstep import Lockstep
 from haptic_sim.scene.language import load
 
-METHODS = "pspm", "local", "wave"
+METHODS = "pspm", "local"
 CASE = {case.name: case for case in CASES}
 
 
@@ -51,7 +51,7 @@ def test_no_path_of_the_same_way_is_given_more_by_forces_that_change_within_a_ho
 
 
 TRIED = [
-    (method, case) for k, case in enumerate(CASES) for method in METHODS if searching() or method == METHODS[k % 3]
+    (method, case) for k, case in enumerate(CASES) for method in METHODS if searching() or method == METHODS[k % 2]
 ]
 
 
@@ -61,7 +61,7 @@ def test_no_late_forces_messages_orders_or_changes_of_settings_are_found_that_dr
     assert drawn(method, case, tries(600), seed=CASES.index(case)) <= adversary.SURE
 
 
-@pytest.mark.parametrize("method, name", [("wave", "1 T late"), ("pspm", "500 µs late"), ("local", "500 µs late")])
+@pytest.mark.parametrize("method, name", [("pspm", "500 µs late"), ("local", "500 µs late")])
 def test_the_same_search_draws_many_budgets_from_a_driver_that_is_not_told_of_the_delay(method, name):
     settings = untold(settings_of(method, CASE[name]))
     found = adversary.search(settings, CASE[name].against._replace(books=1, full=1), 30, 1500, 1)

@@ -49,8 +49,8 @@ WALLS = {"wall.normals": [0.0, 1.0], "wall.offsets": [-0.05], "wall.stiffness": 
 def test_another_exchange_keeps_scene_method_and_everything_that_was_changed_while_the_nodes_ran(manager):
     live = {"coupling.stiffness": 700.0, "servo.rate": 1000.0, **WALLS}
     manager.keep({DRIVER: live, SIMULATION: {"scene": "wrench_on_nut", "method": "partitioned"}})
-    started = changed(manager, "exchange.method", "wave")
-    assert started[DRIVER]["exchange.method"] == started[SIMULATION]["exchange.method"] == "wave"
+    started = changed(manager, "exchange.method", "direct")
+    assert started[DRIVER]["exchange.method"] == started[SIMULATION]["exchange.method"] == "direct"
     assert started[DRIVER].items() >= {"coupling.stiffness": 700.0, **WALLS}.items()
     assert Path(started[SIMULATION]["scene"]).stem == "wrench_on_nut"
     assert started[SIMULATION]["method"] == "partitioned"

@@ -153,7 +153,7 @@ def random_change(dice):
     }
 
 
-@half("method, times", ["pspm", "wave", "direct"], TIMES)
+@half("method, times", METHODS, TIMES)
 def test_many_changes_of_walls_gains_cancellation_limit_and_clutch_under_a_hand_keep_slew_and_budget(method, times):
     dice, done = np.random.default_rng(len(method)), 0
     hand = {"motion__name": "circle", "motion__radius": 0.015, "motion__turns": 40.0, "motion__duration": 16.0}

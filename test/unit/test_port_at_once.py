@@ -24,7 +24,7 @@ WIDE = Limits(1e6, 1e6, 1e12)
 
 def sample(number, place, rate, gains, energy, limit=0.0):
     """The handle sample of one axis; limit: on the hand [N], 0 where it is not told."""
-    return HandleSample(number * MS, (place, 0.0, 0.0), (rate, 0.0, 0.0), *gains, STILL, energy, (limit, 0.0, 0.0))
+    return HandleSample(number * MS, (place, 0.0, 0.0), (rate, 0.0, 0.0), *gains, energy, (limit, 0.0, 0.0))
 
 
 class Willing:
@@ -171,7 +171,7 @@ def test_where_energy_is_there_the_tool_goes_as_with_a_port_that_minds_none(meth
     for number in range(150):
         gone = 1e-3 * max(0, number - 2)  # s; the first exchange, sub-step by sub-step, at rest
         place, rate = (x + 0.02 * gone**2, y - 0.2 * gone**2, angle), (0.04 * gone, -0.4 * gone, 0.0)
-        told = HandleSample(number * MS, place, rate, *GAINS, (0.0, 0.0, 0.0), 1e-3 * number)
+        told = HandleSample(number * MS, place, rate, *GAINS, 1e-3 * number)
         answers = [one.exchange(told) for one in (minded, free)]
         assert answers[0].position == pytest.approx(answers[1].position, abs=1e-12)
         assert answers[0].velocity == pytest.approx(answers[1].velocity, abs=1e-9)

@@ -85,14 +85,25 @@ def test_after_a_gap_it_goes_on_from_the_next_snapshot_and_changed_settings_coun
     assert verdict_on(trace, start).skipped == len(trace) - before
 
 
+def test_snapshots_with_columns_that_are_no_more_are_computed_as_those_without(recorded):
+    rows, start = recorded[0][:100], recorded[1]
+    more = np.zeros(1, [("memory.gone", "f8", (3,)), *start.dtype.descr])
+    for name in start.dtype.names:
+        more[name] = start[name]
+    assert verdict_on(rows, more).same == 100
+
+
 def test_a_trace_of_another_version_or_without_snapshots_is_refused_in_a_sentence(recorded):
     rows, start = recorded[0][:10], recorded[1]
     without = rows[[name for name in rows.dtype.names if name != "margin"]]
     of_less = start[[name for name in start.dtype.names if name != "settings.stiffness"]]
+    of_other = start.copy()
+    of_other["settings.exchange_method"] = 1.0
     for trace, snapshots, said in (
         (without, start, "another version of the servo; it differs in margin"),
         (rows, start[:0], "no snapshot"),
         (rows, of_less, "snapshots lack settings.stiffness"),
+        (rows, of_other, "recorded with exchange method 1, which this version lacks"),
     ):
         with pytest.raises(ValueError, match=said):
             verdict_on(trace, snapshots)

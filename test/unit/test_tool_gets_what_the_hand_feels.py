@@ -88,7 +88,7 @@ def pulled(port, sub_step, inner, gains, stretch, limit=DEVICE, times=60):
         for _ in range(round(1e-3 / sub_step)):
             port.step(world, along(row, row), 1)
             forces.append(world.force_on_tool[:2])
-        port.send(world.force_on_tool, 0.0)
+        port.send(0.0)
     return np.array(forces)
 
 
@@ -127,7 +127,7 @@ def test_a_smaller_limit_takes_back_what_of_the_reserve_is_left_and_what_is_spen
     port.memory[tool_side_tank.TANK] -= spent
     port.receive(HandleSample(MS, STILL, STILL, *DEMO, limit=(1.0, 1.0, 0.1)), 0.25e-3)
     assert port.tank == 0.0 and port.granted == pytest.approx(spent)
-    assert port.send(STILL, 0.0)[1] == 0.0
+    assert port.send(0.0) == 0.0
 
 
 def test_limits_that_are_told_anew_with_every_sample_change_the_pull_no_faster_than_the_slew():

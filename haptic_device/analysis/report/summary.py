@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_device.analysis.quantity import Array
+from haptic_device.control import exchange_samples
 from haptic_device.control.faults import FRESH, name_of
-from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.recording.bag_contents import Joints, Recording, Records
 from haptic_device.status import number
 from haptic_device.withheld_time import LASTS, WithheldTime
@@ -309,7 +309,8 @@ def conditions(recording: Recording) -> dict[str, str]:
         labels["T"] = f"{1e6 / rate:.0f} µs"
     if damping := said.get("physical_damping"):
         labels["b"] = _with_units(damping.split(", "))
-    return labels | {"exchange": EXCHANGE_METHODS[int(recording.joint("handle").entry("exchange_method")[-1])]}
+    number_of_method = int(recording.joint("handle").entry("exchange_method")[-1])
+    return labels | {"exchange": exchange_samples.name_of(number_of_method)}
 
 
 def _with_units(damping: list[str]) -> str:

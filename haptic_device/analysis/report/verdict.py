@@ -161,7 +161,7 @@ def _answers(run: Run) -> Findings:
 
 
 def _forces(run: Run) -> Findings:
-    if not run.traced or summary.conditions(run.recording)["exchange"] == "wave":  # whose samples carry waves
+    if not run.traced:
         return
     rows = summary.engaged_rows(run.recording.trace)
     found = summary.residual_figures(run.recording, rows)["unexplained_n"]
