@@ -72,7 +72,7 @@ def _print_found(found):
     from haptic_device.yaml_reader import dump
 
     if not found:
-        typer.echo("no serial port of a USB device is there (/dev/ttyACM*, /dev/ttyUSB*); a device on UDP needs --udp")
+        typer.echo("no serial port of a USB device is there; a device on UDP needs --udp")
     for one in found:
         usb = one.get("usb", {})
         said = " ".join(filter(None, (usb.get("maker"), usb.get("model"), usb.get("serial"))))
