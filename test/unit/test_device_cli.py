@@ -16,9 +16,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import given
 from hypothesis import strategies as st
 from in_process import haptic
+from link_frames import stuffed, unstuffed
 from serial.tools.list_ports_linux import SysFS
 
 from haptic_device.config_files import ConfigError
@@ -83,22 +84,11 @@ def test_no_bytes_that_come_are_an_error(come, session):
     assert all(isinstance(frame, bytes) for frame in take(come) + take(come))
 
 
-@given(st.binary(max_size=600))
-@example(b"\x01" * 254)
-@example(b"\x01" * 253 + b"\0")
-@example(b"\x01" * 254 + b"\0")
-def test_cobs_has_no_zero_but_at_its_end_and_gives_back_what_it_was_given(frame):
-    coded = device_probe.cobs(frame)
-    assert coded.index(0) == len(coded) - 1
-    assert device_probe.uncobs(coded[:-1]) == frame
-    assert device_probe.uncobs(b"\x05\x01") is None
-
-
 def test_a_hello_has_a_session_and_no_byte_that_begins_a_torque_of_haplys_firmware():
     for _ in range(200):
         session, hello = device_probe.harmless_hello()
         assert hello_of(hello) == session != 0
-        assert 2 not in device_probe.cobs(hello)
+        assert 2 not in stuffed(hello)
 
 
 # what answers: lines
@@ -117,7 +107,7 @@ def on_a_line(answer, before=b""):
                 continue
             *frames, rest = (rest + os.read(far, 4096)).split(b"\0")
             for coded in filter(None, frames):
-                os.write(far, before + device_probe.cobs(answer(hello_of(device_probe.uncobs(coded)))))
+                os.write(far, before + stuffed(answer(hello_of(unstuffed(coded)))))
 
     serving = threading.Thread(target=serve)
     serving.start()
