@@ -103,6 +103,7 @@ setup(
         "psutil>=5.9",
         "pydantic>=2",
         "pymunk>=7",
+        "pyserial>=3.5",
         "python-fcl>=0.7",
         "pyyaml>=6",
         "rich>=13",

@@ -3,8 +3,7 @@
 
 numba's own cache looks only at the file of the function that was called; an edit of a law in another file would go
 unseen. Here the cache folder's name is a digest of the package's sources, of when and where they were written (numba
-looks at these), of numba, of python and of the CPU: any change is a new folder. Nor does numba look whether a file is
-as it was written: `haptic compile` records checksums, and each process compares once, before numba reads (20 ms).
+looks at these), of numba, of python and of the CPU: any change is a new folder.
 
 Compiling takes all of a core for many seconds, and some hundred MB that stay. `haptic compile` does it in processes of
 its own; `ensure_compiled(...)` runs that command where an entry (haptic_sim/kernels.py) is not in the cache yet.
@@ -14,11 +13,7 @@ import contextlib
 import fcntl
 import functools
 import hashlib
-import io
-import json
-import multiprocessing
 import os
-import pickletools
 import shutil
 import signal
 import stat
@@ -26,7 +21,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import zlib
 from importlib.metadata import version
 from pathlib import Path
 
@@ -36,7 +30,7 @@ from haptic_device.process import ending_with_us, held, own_environment, running
 
 ROOT = Path(__file__).resolve().parent.parent
 WITHOUT_KERNELS = {"cli", "client.py", "film", "service_requests.py", "supervision", "viewer"}  # no kernel needs them
-RECORD = "compiled.json"  # {"entries": those in the cache, "files": {name: checksum}}
+DONE = ".done"  # ends the name of an empty file for each entry that is in the cache
 KEPT = 4  # folders; older ones are removed
 ROOM = 32 * 2**20  # bytes that must be free: all kernels take less
 MEMORY = Path("/dev/shm")  # where kernels are kept until the next restart if the user's cache cannot be written
@@ -60,7 +54,31 @@ def kernel(function):
     import numba
 
     numba.config.CACHE_DIR = str(folder())
+    _read_or_compiled_anew()
     return njit(function, cache=True)
+
+
+@functools.cache
+def _read_or_compiled_anew():
+    """From now on numba compiles what it cannot read in its cache; by itself it would raise."""
+    from numba.core.caching import FunctionCache
+
+    load = FunctionCache.load_overload
+
+    def load_overload(cache, *wanted):
+        try:
+            return load(cache, *wanted)
+        except Exception as error:
+            say(f"compiled kernels in {cache.cache_path} cannot be read ({error}); all are compiled anew")
+            wipe(folder())
+
+    FunctionCache.load_overload = load_overload
+
+
+def wipe(own: Path) -> None:
+    """Takes all kernels out of a folder; others may write into it meanwhile."""
+    for kept in (*own.glob(f"*{DONE}"), *own.rglob("*.nb[ic]")):
+        kept.unlink(missing_ok=True)
 
 
 def ensure_compiled(*entries, told=()):
@@ -100,8 +118,7 @@ def _end(process):
 
 def missing(entries) -> list[str]:
     """Those of these entries that are not in the cache."""
-    compiled = _record(folder())["entries"]
-    return [entry for entry in entries if entry not in compiled]
+    return [entry for entry in entries if not (folder() / f"{entry}{DONE}").exists()]
 
 
 @contextlib.contextmanager
@@ -113,61 +130,9 @@ def alone(own: Path):
 
 
 def record(entries: list[str]) -> None:
-    """Notes that these entries are in the cache too, and the checksums of all files in it; to be called `alone`."""
-    own, fresh = folder(), folder() / f"{RECORD}.{os.getpid()}"
-    files = {str(file.relative_to(own)): zlib.crc32(file.read_bytes()) for file in own.rglob("*.nb[ic]")}
-    fresh.write_text(json.dumps({"entries": _record(own)["entries"] + entries, "files": files}))
-    fresh.replace(own / RECORD)
-
-
-def mend(own: Path) -> None:
-    """Removes the files that are not as they were written, and the record, and says so: they are compiled anew."""
-    if not _damaged(own):
-        return
-    with alone(own):  # somebody else may have mended it, or was compiling
-        if not (damaged := _damaged(own)):
-            return
-        for file in damaged:
-            file.unlink(missing_ok=True)
-        (own / RECORD).unlink(missing_ok=True)
-    many = f" and {len(damaged) - 1} more" if len(damaged) > 1 else ""
-    say(f"{damaged[0]}{many}, of the compiled kernels, is damaged; it is compiled anew")
-
-
-def _damaged(own):
-    """Files of a folder that are not as they were recorded, or, if they came later, cannot be of numba."""
-    known = {own / name: checksum for name, checksum in _record(own)["files"].items()}
-    return [file for file in sorted({*own.rglob("*.nb[ic]"), *known}) if not _sound(file, known.get(file))]
-
-
-def _sound(file, recorded):
-    """Whether a file is as recorded; one that calls with other types added, or an index that grew, reads as pickles."""
-    try:
-        content = file.read_bytes()
-    except OSError:
-        return False
-    may_differ = recorded is None or file.suffix == ".nbi"
-    return zlib.crc32(content) == recorded or (may_differ and _pickled(content))
-
-
-def _pickled(content):
-    """Whether this is whole pickles and nothing else, as numba writes."""
-    stream = io.BytesIO(content)
-    try:
-        while stream.tell() < len(content):
-            for _ in pickletools.genops(stream):
-                pass
-    except ValueError:
-        return False
-    return len(content) > 0
-
-
-def _record(own):
-    try:
-        known = json.loads((own / RECORD).read_text())
-        return {"entries": list(known["entries"]), "files": dict(known["files"])}
-    except (OSError, ValueError, KeyError, TypeError):  # none, or it is damaged too
-        return {"entries": [], "files": {}}
+    """Notes that these entries are in the cache too."""
+    for entry in entries:
+        (folder() / f"{entry}{DONE}").touch()
 
 
 def folder() -> Path:
@@ -211,10 +176,8 @@ def made(base: Path, name: str) -> Path:
     own.mkdir(parents=True, exist_ok=True)
     own.touch()
     with tempfile.TemporaryFile(dir=own) as file:
-        if not (own / RECORD).exists():  # what is there already needs no room
+        if not any(own.glob(f"*{DONE}")):  # what is there already needs no room
             os.posix_fallocate(file.fileno(), 0, ROOM)
-    if multiprocessing.parent_process() is None:  # else that one has looked
-        mend(own)
     for old in sorted((one for one in base.iterdir() if one.is_dir()), key=_last_used)[:-KEPT]:
         shutil.rmtree(old, ignore_errors=True)
     return own

@@ -17,7 +17,7 @@ PATIENCE=${JAZZY_PATIENCE:-120}
 TOOLS=(ros2 colcon python3 timeout)
 # Of ROS, then of setup.py.
 MODULES=(rclpy launch.actions launch_ros.actions ros2run ros2launch ros2lifecycle ros2param ros2service ros2topic ros2bag
-  aiohttp fcl llvmlite matplotlib mcap numba numpy psutil pydantic pymunk rich rosbags scipy typer yaml zstandard)
+  aiohttp fcl llvmlite matplotlib mcap numba numpy psutil pydantic pymunk rich rosbags scipy serial typer yaml zstandard)
 GRAPH=(--no-daemon --spin-time 3) # the daemon of ros2 would outlive this script
 WORK=""
 STARTED=() # leaders of the process groups that are running

@@ -25,7 +25,7 @@ from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.os_errors import in_words
 from haptic_device.parameters import RECORDER
 from haptic_device.realtime import scheduling
-from haptic_device.recording.writer import RESERVE_BYTES, Bag
+from haptic_device.recording.writer import Bag
 from haptic_device.yaml_reader import dump
 
 _DISCOVERY_PERIOD = 0.5  # s
@@ -124,7 +124,7 @@ class Recorder(ManagedNode):
     def _open(self) -> Bag:
         folder, given = self._folder(), self.values
         folder.mkdir(parents=True, exist_ok=True)
-        needed, free = int(given["disk_reserve"] * _MEGA) + RESERVE_BYTES, shutil.disk_usage(folder).free
+        needed, free = given["disk_reserve"] * _MEGA, shutil.disk_usage(folder).free
         if free < needed:
             raise ValueError(f"{folder} has {free / _MEGA:.0f} MB free; disk_reserve needs {needed / _MEGA:.0f} MB")
         bag = Bag(folder, int(given["split.size"] * _MEGA), given["split.duration"])
@@ -152,7 +152,8 @@ class Recorder(ManagedNode):
             bag.close(facts)
             kept = f"{bag.messages} messages are kept in {bag.folder}"
         except Exception as error:
-            kept = f"{bag.folder} could not be ended ({in_words(error)}): haptic recover {bag.folder}"
+            cure = f"haptic report reads what is there; for other tools: ros2 bag reindex -s mcap {bag.folder}"
+            kept = f"{bag.folder} could not be ended ({in_words(error)}): {cure}"
             reason = reason or "its end failed"
         finally:
             for track in self.topics.tracks.values():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings without ROS: `load(bag)` reads one; beside it the layouts of our messages, writing and repair of bags.
+"""Recordings without ROS: `load(bag)` reads one; beside it the layouts of our messages, writing of bags.
 
 `Recording` is what `load` gives, `Joints` a topic of it; `Entries` says what of a topic to read; `*_UNITS` its units.
 """

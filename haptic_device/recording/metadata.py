@@ -32,12 +32,12 @@ class FileSpan:
         self.messages += 1
 
 
-def topic_metadata(name: str, type_name: str, encoding: str, offered_qos: list[Any], type_hash: str) -> dict[str, Any]:
+def topic_metadata(name: str, type_name: str, offered_qos: list[Any], type_hash: str) -> dict[str, Any]:
     """A topic as metadata.yaml lists it."""
     return {
         "name": name,
         "type": type_name,
-        "serialization_format": encoding,
+        "serialization_format": "cdr",
         "offered_qos_profiles": offered_qos,
         "type_description_hash": type_hash,
     }

@@ -6,9 +6,7 @@ clock: log time = received, publish time = as stamped by the publisher's middlew
 Each file holds all schemas, channels and attachments, so that it can be read alone.
 """
 
-import contextlib
 import os
-import tempfile
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
@@ -20,56 +18,29 @@ from haptic_device.recording.metadata import FileSpan, information, topic_metada
 from haptic_device.yaml_reader import dump
 
 CHUNK_BYTES = 256 * 2**10
-RESERVE_BYTES = 16 * 2**20  # given back when the disk is full: a chunk, and the index of some two hours at 4 kHz
 _UINT32 = 0xFFFFFFFF
 
 
-class Reserve:
-    """Room on the disk that is given back when there is no other; its file has no name, and ends with the process."""
-
-    def __init__(self, folder: Path) -> None:
-        """Takes it. Raises OSError, with the folder's name, if the disk has not so much."""
-        with naming(folder), contextlib.ExitStack() as undone:
-            self._file = undone.enter_context(tempfile.TemporaryFile(dir=folder, buffering=0))
-            left = memoryview(bytes(RESERVE_BYTES))
-            while left:
-                left = left[self._file.write(left) :]
-            undone.pop_all()
-
-    def give_back(self) -> None:
-        """Lets it go; once is enough."""
-        self._file.close()
-
-
 class _Disk:
-    """A new file as the MCAP writer sees it: nothing waits in it for a later write.
+    """A new file as the MCAP writer sees it: nothing waits in it for a later write, nothing follows a torn record."""
 
-    full: what the disk said when it took no more, with the file's name; from then on, what was held in reserve takes
-    the rest. If even that does not help, the last record is torn, and every later write is refused.
-    """
-
-    def __init__(self, path: Path, reserve: Reserve) -> None:
+    def __init__(self, path: Path) -> None:
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
-        self._path, self._reserve, self._size = path, reserve, 0
-        self.full: OSError | None = None
+        self._path, self._size = path, 0
         self._torn: OSError | None = None
 
     def write(self, data: bytes) -> None:
         if self._torn:
             raise self._torn
         left = memoryview(data)
-        while left:
-            try:
-                with naming(self._path):
-                    count = os.write(self._descriptor, left)
-            except OSError as error:
-                if self.full:
-                    self._torn = error
-                    raise
-                self.full = error
-                self._reserve.give_back()
-            else:
-                self._size, left = self._size + count, left[count:]
+        try:
+            with naming(self._path):
+                while left:
+                    left = left[os.write(self._descriptor, left) :]
+        except OSError as error:
+            self._torn = error
+            raise
+        self._size += len(data)
 
     def tell(self) -> int:
         return self._size
@@ -102,17 +73,7 @@ class Bag:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
             raise ValueError(f"bag folder {folder} is not empty; name a new one")
-        self._reserve = Reserve(folder)
-        try:
-            self._begin_file()
-        except BaseException:
-            self._reserve.give_back()
-            raise
-
-    @property
-    def full(self) -> OSError | None:
-        """What the disk said when it took no more; None as long as it does."""
-        return self._disk.full
+        self._begin_file()
 
     @property
     def messages(self) -> int:
@@ -130,7 +91,7 @@ class Bag:
             type_hash = types().hash_rihs01(type_name)
         except KeyError:
             raise ValueError(f"topic {name} has the type {type_name}, unknown to ROS 2 Jazzy's packages") from None
-        self._topics.append(topic_metadata(name, type_name, "cdr", offered_qos, type_hash))
+        self._topics.append(topic_metadata(name, type_name, offered_qos, type_hash))
         self._counts.append(0)
         return self._register(self._topics[-1])
 
@@ -143,26 +104,21 @@ class Bag:
     def flush(self) -> None:
         """Hands everything written so far to the operating system, as a whole chunk; splits if it is time to.
 
-        Raises OSError if the disk takes no more or no new file can be opened; all is in the bag then too, and `close`
-        ends it.
+        Raises OSError if the disk takes no more: the bag is cut off there, and `close` raises it too; or if no new file
+        can be opened: all is in the bag then, and `close` ends it.
         """
         self._writer.flush()
-        if self._disk.full:
-            raise self._disk.full
         span = self._files[-1]
         large = 0 < self._split_bytes <= self._disk.tell()
         if span.messages and (large or 0 < self._split_ns <= span.last - span.first):
             self._end_file({})
-            if self._disk.full:
-                raise self._disk.full
             self._begin_file()
 
     def close(self, custom_data: dict[str, str]) -> None:
         """Ends the file, then writes metadata.yaml, complete or not at all.
 
-        Raises OSError if that finds no room even in what was held in reserve.
+        Raises OSError if that finds no room.
         """
-        self._reserve.give_back()
         content = information(self._files, self._topics, self._counts, custom_data)
         if not self._ended:  # else a split has ended the last file, and could begin no other
             self._end_file({"rosbag2": {"serialized_metadata": dump(content)}})
@@ -170,7 +126,7 @@ class Bag:
 
     def _begin_file(self) -> None:
         name = f"{self.folder.name}_{len(self._files)}.mcap"
-        self._disk = _Disk(self.folder / name, self._reserve)
+        self._disk = _Disk(self.folder / name)
         self._files.append(FileSpan(name))
         self._ended = False
         self._writer = Writer(cast(BinaryIO, self._disk), CHUNK_BYTES)

@@ -41,6 +41,7 @@ def find(
     as_json: Annotated[bool, typer.Option("--json", help=_JSON)] = False,
 ) -> None:
     """Which devices are connected, what answers, and why nothing does. Exit code 1: nothing answered."""
+    from haptic_device.jit import ensure_compiled
     from haptic_sim.supervision import device_search, serial_ports
 
     with _refused("find"):
@@ -48,6 +49,7 @@ def find(
             device_search.address_of(address)
         if watch and udp:
             raise ValueError("--watch is for what is plugged in: leave --udp out")
+        ensure_compiled("bridge")  # whose coding of frames is used: else the time to answer would pass meanwhile
         if watch:
             typer.echo("unplug the device and plug it in again; Ctrl-C ends", err=True)
             port = device_search.plugged(
@@ -72,7 +74,7 @@ def _print_found(found):
     from haptic_device.yaml_reader import dump
 
     if not found:
-        typer.echo("no serial port of a USB device is there (/dev/ttyACM*, /dev/ttyUSB*); a device on UDP needs --udp")
+        typer.echo("no serial port of a USB device is there; a device on UDP needs --udp")
     for one in found:
         usb = one.get("usb", {})
         said = " ".join(filter(None, (usb.get("maker"), usb.get("model"), usb.get("serial"))))

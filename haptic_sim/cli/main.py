@@ -25,7 +25,6 @@ COMMANDS = {  # name: (module and function, what it does)
     "mark": ("haptic_sim.cli.mark:mark", "Put a marker into the recording that runs."),
     "passivity": ("haptic_sim.cli.passivity:passivity", "Compute whether gains are passive and stable."),
     "record": ("haptic_sim.cli.record:record", "Record a running display."),
-    "recover": ("haptic_sim.cli.recover:recover", "Repair a recording that was cut off."),
     "replay": ("haptic_sim.cli.replay:replay", "Play a recorded motion again."),
     "report": ("haptic_sim.cli.report:report", "Write a page about recordings."),
     "save": ("haptic_sim.cli.parameters:save", "Write the parameters of a running display to a file."),

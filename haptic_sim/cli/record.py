@@ -61,7 +61,7 @@ def record(
         except NodeDiedError as error:
             raise ValueError(str(error)) from error
     if not (bag / "metadata.yaml").exists():
-        reason = "it was ended before it began, or is to be repaired by haptic recover"
+        reason = "it was ended before it began, or was cut off: haptic report reads what is there"
         raise ValueError(f"no whole bag is in {bag}: {reason}; the log is in {out / 'log'}")
     if FIRST_ROW not in nodes.printed(RECORDER):
         why = ros_environment.discovery() or "is that where the nodes run?"

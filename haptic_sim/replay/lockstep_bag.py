@@ -105,8 +105,6 @@ class LockstepBag:
 
     def add(self, rows: np.ndarray) -> None:
         """Takes the next rows of `Lockstep.run`, and the plant as it is then. Raises OSError once the disk is full."""
-        if self._bag.full:
-            raise self._bag.full
         self._rows.append(rows.view(np.ndarray))
         self._waiting += len(rows)
         if self._waiting >= BLOCK:

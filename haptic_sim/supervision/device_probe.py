@@ -20,9 +20,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
+from haptic_device.link import frame
 from haptic_device.link_registry import BAUDS, SPEEDS
 
-VERSION, HELLO, GREETING = 1, 1, 2
 HEADER, CRC = struct.Struct("<BBHIII"), struct.Struct("<I")
 PAYLOAD = struct.Struct("<24sII3f3fIIII")
 GREETED = HEADER.size + PAYLOAD.size + CRC.size
@@ -48,48 +50,39 @@ class Greeting(NamedTuple):
 
 def hello_bytes(session: int) -> bytes:
     """The frame that begins this session (1 to 2³² − 1)."""
-    head = HEADER.pack(VERSION, HELLO, 0, session, 1, 0)
+    head = HEADER.pack(frame.VERSION, frame.HELLO, 0, session, 1, 0)
     return head + CRC.pack(zlib.crc32(head))
 
 
-def greeting_of(frame: bytes, sessions: set[int]) -> Greeting | None:
+def greeting_of(come: bytes, sessions: set[int]) -> Greeting | None:
     """The greeting that a frame is, in one of these sessions; None if it is anything else."""
-    if len(frame) != GREETED or CRC.unpack(frame[-CRC.size :])[0] != zlib.crc32(frame[: -CRC.size]):
+    if len(come) != GREETED or CRC.unpack(come[-CRC.size :])[0] != zlib.crc32(come[: -CRC.size]):
         return None
-    version, kind, _, session, _, _ = HEADER.unpack_from(frame)
-    if version != VERSION or kind != GREETING or session not in sessions:
+    version, kind, _, session, _, _ = HEADER.unpack_from(come)
+    if version != frame.VERSION or kind != frame.GREETING or session not in sessions:
         return None
-    name, firmware, axes, *numbers, period, watchdog, bits, features = PAYLOAD.unpack_from(frame, HEADER.size)
+    name, firmware, axes, *numbers, period, watchdog, bits, features = PAYLOAD.unpack_from(come, HEADER.size)
     said = "".join(letter if letter.isprintable() else "?" for letter in name.rstrip(b"\0").decode("ascii", "replace"))
     version_text = f"{firmware >> 16}.{firmware >> 8 & 255}.{firmware & 255}"
     counts, limits = tuple(numbers[:3]), tuple(numbers[3:])
     return Greeting(said, version_text, axes, counts, limits, period, watchdog, bits, bool(features & 1))
 
 
-def cobs(frame: bytes) -> bytes:
+def cobs(plain: bytes) -> bytes:
     """A frame without zeros, by COBS, and the 0 that ends it."""
-    coded, run = bytearray(), bytearray()
-    for byte in frame:
-        if byte:
-            run.append(byte)
-        if not byte or len(run) == 254:
-            coded += bytes([len(run) + 1]) + run
-            run.clear()
-    return bytes(coded) + bytes([len(run) + 1]) + bytes(run) + b"\0"
+    coded = np.empty(len(plain) + len(plain) // 254 + 1, np.uint8)
+    return coded[: frame.cobs_encode(_bytes(plain), len(plain), coded)].tobytes() + b"\0"
 
 
 def uncobs(coded: bytes) -> bytes | None:
     """What was coded, given without the 0 that ends it; None if that is no COBS."""
-    frame, at = bytearray(), 0
-    while at < len(coded):
-        code = coded[at]
-        if code == 0 or at + code > len(coded):
-            return None
-        frame += coded[at + 1 : at + code]
-        at += code
-        if code < 255 and at < len(coded):
-            frame.append(0)
-    return bytes(frame)
+    plain = np.empty(len(coded), np.uint8)
+    count = frame.cobs_decode(_bytes(coded), 0, len(coded), plain)
+    return None if count == frame.WRONG else plain[:count].tobytes()
+
+
+def _bytes(data):
+    return np.frombuffer(bytearray(data), np.uint8)  # of bytes it would be read-only: another type to a kernel
 
 
 def harmless_hello() -> tuple[int, bytes]:
@@ -154,8 +147,8 @@ def _greeted(descriptor, patience, send: Callable, receive: Callable, frames: Ca
         if not select.select([descriptor], [], [], min(AGAIN, end - now))[0]:
             continue
         with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
-            for frame in frames(receive()):
-                if (greeting := greeting_of(frame, sessions)) is not None:
+            for come in frames(receive()):
+                if (greeting := greeting_of(come, sessions)) is not None:
                     return greeting
     return None
 
@@ -168,6 +161,6 @@ def _lines() -> Callable[[bytes], list[bytes]]:
         nonlocal rest
         *whole, rest = (rest + come).split(b"\0")
         rest = rest[-MOST:]
-        return [frame for line in whole if line and (frame := uncobs(line)) is not None]
+        return [come for line in whole if line and (come := uncobs(line)) is not None]
 
     return take

@@ -2,26 +2,19 @@
 """Which devices are connected, what answers there, and why nothing does."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 from haptic_device.os_errors import in_words
 from haptic_sim.supervision import device_probe, serial_ports
-from haptic_sim.supervision.serial_ports import ROOT, Port
+from haptic_sim.supervision.serial_ports import Port
 
 NOT_ASKED = "not asked, since a byte that it does not expect may block it"
 SILENT = "nothing greeted: no power, other firmware, or another baud"
 
 
-def look(
-    root: Path = ROOT,
-    baud: int = 115200,
-    patience: float = 1.0,
-    hello: bool = True,
-    allowed: Callable[[Path], bool] | None = None,
-) -> list[dict]:
+def look(baud: int = 115200, patience: float = 1.0, hello: bool = True) -> list[dict]:
     """All serial ports, each asked for its greeting for so long [s] at this baud [bit/s]; hello: whether at all."""
-    grabbed = serial_ports.grabber(root)
-    return [found_at(port, grabbed, baud, patience, hello) for port in serial_ports.ports(root, allowed)]
+    grabbed = serial_ports.grabber()
+    return [found_at(port, grabbed, baud, patience, hello) for port in serial_ports.ports()]
 
 
 def found_at(port: Port, grabbed: bool, baud: int, patience: float, hello: bool) -> dict:

@@ -1,18 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Serial ports of this machine: what is plugged in, who may open it, who has, and what is wrong with that.
-
-All is read below a root folder, so that it can be another tree than this machine's.
-"""
+"""Serial ports of this machine: what is plugged in, who may open it, who has, and what is wrong with that."""
 
 import contextlib
 import grp
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-ROOT = Path("/")
-KINDS = "ttyACM*", "ttyUSB*"
+from serial.tools.list_ports import comports
+
+LASTING, PROCESSES = Path("/dev/serial/by-id"), Path("/proc")
 GRABS = "ModemManager"
 RULES = "/etc/udev/rules.d/70-haptic-display.rules"
 OTHERS = {"mjbots": "moteus", "haply": "haply"}
@@ -50,17 +47,20 @@ class Port(NamedTuple):
         return next((link for word, link in OTHERS.items() if word in said), "")
 
 
-def ports(root: Path = ROOT, allowed: Callable[[Path], bool] | None = None) -> list[Port]:
-    """All USB serial ports below this root, by name; allowed(path): whether this user may open it."""
-    may = allowed or (lambda path: os.access(path, os.R_OK | os.W_OK))
-    open_files, lasting = _open_files(root), _lasting(root)
-    found = sorted(path for kind in KINDS for path in (root / "dev").glob(kind))
-    return [_port(root, path, may(path), open_files.get(str(path), ()), lasting.get(path.name, "")) for path in found]
+def ports() -> list[Port]:
+    """All USB serial ports, by name."""
+    try:
+        found = comports()
+    except TypeError:  # pyserial stumbled over a port that was just unplugged
+        found = comports()
+    open_files, lasting = _open_files(), _lasting()
+    usb = sorted(one for one in found if one.vid is not None)
+    return [_port(one, open_files.get(one.device, ()), lasting.get(one.name, "")) for one in usb]
 
 
-def grabber(root: Path = ROOT) -> bool:
+def grabber() -> bool:
     """Whether ModemManager runs, which opens each new port and talks to it."""
-    return any(_text(folder / "comm") == GRABS for folder in _processes(root))
+    return any(_text(folder / "comm") == GRABS for folder in _processes())
 
 
 def notes(port: Port, grabbed: bool) -> list[str]:
@@ -88,8 +88,8 @@ def rule(port: Port) -> str:
 
 
 def _rule(port, effect):
-    known = [f'ATTRS{{idVendor}}=="{port.vendor}"', f'ATTRS{{idProduct}}=="{port.product}"'] if port.vendor else []
-    return ", ".join(['SUBSYSTEM=="tty"', *(known or [f'KERNEL=="{Path(port.path).name}"']), effect])
+    device = f'ATTRS{{idVendor}}=="{port.vendor}", ATTRS{{idProduct}}=="{port.product}"'
+    return f'SUBSYSTEM=="tty", {device}, {effect}'
 
 
 def changes(before: list[Port], after: list[Port]) -> tuple[list[Port], list[Port]]:
@@ -98,19 +98,12 @@ def changes(before: list[Port], after: list[Port]) -> tuple[list[Port], list[Por
     return [old[key] for key in old.keys() - new.keys()], [new[key] for key in new.keys() - old.keys()]
 
 
-def _port(root, path, allowed, holders, by_id):
-    device = _usb_device(root, path.name)
-    facts = [_text(device / name) if device else "" for name in ("idVendor", "idProduct", "serial")]
-    said = [_text(device / name) if device else "" for name in ("manufacturer", "product")]
-    timer = _text(root / "sys/class/tty" / path.name / "device/latency_timer")
+def _port(one, holders, by_id):
+    said = [_printable(text or "") for text in (one.serial_number, one.manufacturer, one.product)]
+    timer = _text(Path(one.device_path) / "latency_timer")
     latency = int(timer) if timer.isdecimal() else None
-    return Port(str(path), by_id, *facts, *said, allowed, _group(path), tuple(holders), latency)
-
-
-def _usb_device(root, name):
-    """The folder of the USB device that a port belongs to: the nearest above it with a vendor; None: no USB."""
-    place = Path(os.path.realpath(root / "sys/class/tty" / name / "device"))
-    return next((folder for folder in (place, *place.parents) if (folder / "idVendor").is_file()), None)
+    allowed, ids = os.access(one.device, os.R_OK | os.W_OK), (f"{one.vid:04x}", f"{one.pid:04x}")
+    return Port(one.device, by_id, *ids, *said, allowed, _group(Path(one.device)), tuple(holders), latency)
 
 
 def _group(path):
@@ -123,16 +116,15 @@ def _group(path):
         return str(number)
 
 
-def _lasting(root):
+def _lasting():
     """{name of a port: its link below /dev/serial/by-id}."""
-    links = (root / "dev/serial/by-id").glob("*")
-    return {Path(os.path.realpath(link)).name: str(link) for link in sorted(links, reverse=True)}
+    return {Path(os.path.realpath(link)).name: str(link) for link in sorted(LASTING.glob("*"), reverse=True)}
 
 
-def _open_files(root):
+def _open_files():
     """{path: [processes that have it open]}, of the processes that this user may look at."""
     found: dict[str, list[str]] = {}
-    for folder in _processes(root):
+    for folder in _processes():
         with contextlib.suppress(OSError):  # another user's, or it has ended meanwhile
             names = {os.readlink(entry) for entry in (folder / "fd").iterdir()}
             for name in names:
@@ -141,12 +133,16 @@ def _open_files(root):
     return found
 
 
-def _processes(root):
-    return sorted(folder for folder in (root / "proc").glob("[0-9]*") if folder.name.isdecimal())
+def _processes():
+    return sorted(folder for folder in PROCESSES.glob("[0-9]*") if folder.name.isdecimal())
+
+
+def _printable(text):
+    return "".join(letter for letter in text.strip() if letter.isprintable())
 
 
 def _text(file):
     try:
-        return "".join(letter for letter in file.read_text(errors="replace").strip() if letter.isprintable())
+        return _printable(file.read_text(errors="replace"))
     except OSError:
         return ""

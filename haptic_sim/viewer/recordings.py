@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the page shows of recording: what the recorder does, the bags in its folder, and reports and films of them."""
+"""What the page shows of recording: what the recorder does, the bags in its folder, and films of them."""
 
 import asyncio
 import itertools
@@ -10,12 +10,11 @@ from typing import Any, NamedTuple
 
 from haptic_device.recording.metadata import METADATA, said_in
 from haptic_device.status import Status
-from haptic_sim.viewer.bag_pages import BagPages
+from haptic_sim.viewer.films import Films
 
 FOLDER = "haptic_bags"  # where a recorder without a name for its bag puts it
 SAYING = "recording to "  # begins what a recorder that records says
 MOST = 50  # bags that are listed, the newest
-TOGETHER = 2  # bags that one film shows
 ABSENT, READY, STARTING, RECORDING, SAVING, SAVED = "no recorder", "ready", "starting", "recording", "saving", "saved"
 
 
@@ -34,7 +33,7 @@ class Recordings:
     def __init__(self, changed: Callable[[], None] = lambda: None):
         self.state, self.problem = ABSENT, ""
         self.folder = Path(FOLDER).absolute()
-        self.pages = BagPages(Path("haptic_reports").absolute())
+        self.films = Films()
         self._changed, self._began, self._turned_ns = changed, 0.0, 0
         self._bag: Path | None = None
         self._bags: dict[str, Bag] = {}
@@ -93,17 +92,14 @@ class Recordings:
             self._bag = next((bag.path for bag in self._bags.values()), None)
         self._tell()
 
-    async def page(self, file: str, names: list[str]) -> Path | str:
-        """A report, film or GIF of the bags of these names, or the text of a page that says that it is being made.
+    async def film(self, name: str) -> bytes:
+        """The page that plays the bag of this name.
 
-        Raises LookupError if there is no such bag or file, ValueError if it could not be made: one sentence.
+        Raises LookupError if there is no such bag, ValueError if its film could not be made: one sentence.
         """
-        if not 1 <= len(names) <= TOGETHER:
-            raise LookupError(f"{len(names)} recordings are named; 1 or {TOGETHER} are needed")
-        for name in names:
-            if name not in self._bags:
-                raise LookupError(f"there is no recording {name!r} in {self.folder}")
-        return await self.pages.page(file, [self._bags[name].path for name in names], "/with/".join(names))
+        if name not in self._bags:
+            raise LookupError(f"there is no recording {name!r} in {self.folder}")
+        return await self.films.page(self._bags[name].path)
 
     def _hear_of(self, bag: Path, said_ns: int) -> None:
         if self.state != RECORDING and said_ns <= self._turned_ns:

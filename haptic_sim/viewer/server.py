@@ -21,7 +21,6 @@ from haptic_sim.viewer.session import Session, encoded
 
 WEB = Path(__file__).with_name("web")
 TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}  # on any machine
-ALONE_TYPES = {".html": "text/html; charset=utf-8", ".gif": "image/gif"}
 MOST_PAGES = 16
 PORTS = 16  # tried from HOME_PORT on
 MOST_CONNECTIONS = 64  # of one address: more than all pages there can be, and what their browsers fetch
@@ -31,13 +30,13 @@ HANDSHAKE = 10.0  # s for a first request, and from one request to the next
 class Server:
     """welcome(session) tells a page that has come what there is; do(message, session) does what it asks for; save() is
     the file of the operating point, load(file) takes such a file and gives the sentence that says what it has set;
-    recorded(file, names) is a page of recordings, as Recordings.page. notes: sentences on its addresses, once it has
+    film(name) is the page that plays a recording, as Recordings.film. notes: sentences on its addresses, once it has
     started."""
 
-    def __init__(self, host: str, port: int, welcome, do, save=None, load=None, recorded=None):
+    def __init__(self, host: str, port: int, welcome, do, save=None, load=None, film=None):
         self.guard, self.sessions, self.notes = Guard(host), [], []
         self._host, self._port, self._welcome, self._do, self._save = host, port, welcome, do, save
-        self._load, self._recorded = load, recorded
+        self._load, self._film = load, film
         self._files = {path.name: path for path in WEB.iterdir() if path.suffix in TYPES}  # all that can be fetched
         self._runner = self._listener = self._limit = None
 
@@ -48,7 +47,7 @@ class Server:
         app = web.Application(middlewares=[self._guarded], client_max_size=LARGEST)
         app.router.add_get("/{token}/socket", self._open_socket)
         app.router.add_get("/{token}/operating_point.yaml", self._operating_point)
-        app.router.add_get("/{token}/recordings/{file}", self._recording)
+        app.router.add_get("/{token}/film.html", self._recording)
         app.router.add_post("/{token}/operating_point.yaml", self._take_operating_point)
         app.router.add_get("/{token}/{name:[^/]*}", self._file)
         given = {"access_log": None, "logger": logging.getLogger(__name__)}
@@ -130,14 +129,12 @@ class Server:
     async def _recording(self, request):
         """Also for a page that looks on only: it changes nothing that moves."""
         try:
-            page = await self._recorded(request.match_info["file"], request.query.getall("bag", []))
+            page = await self._film(request.query.get("bag", ""))
         except LookupError as error:
             raise web.HTTPNotFound(text=f"{error.args[0]}\n") from None
         except ValueError as error:
             raise web.HTTPServiceUnavailable(text=f"{error}\n") from None
-        if isinstance(page, str):
-            return web.Response(text=page, content_type="text/html")
-        return web.FileResponse(page, headers=ALONE | {"Content-Type": ALONE_TYPES[page.suffix]})
+        return web.Response(body=page, headers=ALONE | {"Content-Type": "text/html; charset=utf-8"})
 
     async def _operating_point(self, request):
         headers = {"Content-Disposition": 'attachment; filename="operating_point.yaml"'}

@@ -54,7 +54,7 @@ class Viewer:
         self.commands = CommandHandler(client, self.state, (values["hand_speed"], values["hand_turn"]), nodes)
         self._markers = MarkerPublisher(node, values["marker_rate"])
         self.recordings = Recordings(self._tell_recordings)
-        given = self._welcome, self._do, self._save, self.commands.load, self.recordings.page
+        given = self._welcome, self._do, self._save, self.commands.load, self.recordings.film
         self.server = Server(values["host"], values["port"], *given)
         self._ranges = PassiveRanges(self.state)
         self._node, self._values, self._executor = node, values, SingleThreadedExecutor(context=node.context)
@@ -72,7 +72,6 @@ class Viewer:
             await self._look_on(told, stop or (lambda: False))
             polling.cancel()
         finally:
-            await self.recordings.pages.stop()
             await self.server.stop()
             self._executor.shutdown()
 

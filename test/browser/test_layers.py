@@ -290,7 +290,7 @@ def test_every_control_and_figure_has_a_description_in_words_and_all_stand_in_on
     served.tell("status", status(guide=TASK))
     served.tell("recordings", SAVED)
     served.tell("leader", "other")
-    tab.until("document.getElementById('wall_2_damping') && document.querySelectorAll('#bags a').length === 6")
+    tab.until("document.getElementById('wall_2_damping') && document.querySelectorAll('#bags a').length === 2")
     tab.until("!document.getElementById('leader').hidden && !document.getElementById('guide').hidden")
     tab.page.evaluate("document.querySelectorAll('details').forEach((one) => (one.open = true))")
     own = "id.startsWith('about_') && document.getElementById(id)"

@@ -131,7 +131,7 @@ def test_two_recordings_are_on_top_of_each_other_aligned_at_the_first_contact_an
             waiting.until(lambda tab=tab: second_pixels(tab) == 0, "the end of the second", limit=PATIENCE)
 
 
-def test_the_panel_says_at_once_what_was_pressed_then_what_is_and_two_of_the_list_are_chosen(chromium):
+def test_the_panel_says_at_once_what_was_pressed_then_what_is_and_lists_what_can_be_played(chromium):
     viewer, tab, looking = MadeUpViewer(recordings=NEWS), Tab(chromium), Tab(chromium)
     for page, address in ((tab, viewer.address), (looking, viewer.looking)):
         page.page.goto(address)
@@ -148,22 +148,15 @@ def test_the_panel_says_at_once_what_was_pressed_then_what_is_and_two_of_the_lis
     assert (tab.text("record_state"), tab.text("record_clock")) == ("saved", "")
     assert tab.page.input_value("#bag_path") == "/somewhere/haptic_bags/two"
     links = "all => all.map((a) => `${a.textContent} ${a.getAttribute('href')}`)"
-    files = ("Report recordings/report.html", "Film recordings/film.html", "GIF recordings/film.gif")
-    assert tab.page.eval_on_selector_all("#saved_links a", links) == [f"{file}?bag=two" for file in files]
+    assert tab.page.eval_on_selector_all("#saved_links a", links) == ["Play film.html?bag=two"]
     viewer.tell("recordings", NEWS | {"state": "no recorder"})
     tab.until_text("record", "No recorder runs")
     tab.page.click("#earlier summary")
-    lengths = [text.split(", ", 1)[1] for text in tab.page.locator("#bags label").all_text_contents()]
+    lengths = [text.split(", ", 1)[1] for text in tab.page.locator("#bags span").all_text_contents()]
     assert lengths == ["1:05, 1.5 MB", "0:03, 1.5 MB", "not closed, 1.5 MB"]
     assert tab.page.query_selector("#bags img") is None, "names stay text"
-    boxes = tab.page.locator("#bags input")
-    for number, paired in enumerate((False, True, False)):
-        boxes.nth(number).check()
-        assert tab.page.is_visible("#pair") == paired
-        if paired:
-            pair = tab.page.get_attribute("#pair a", "href")
-            assert pair == "recordings/film.html?bag=two&bag=%3Cimg%20src%3Dx%20onerror%3Dalert(1)%3E"
-    assert tab.page.is_visible("#pair_note")
+    played = ["two", "%3Cimg%20src%3Dx%20onerror%3Dalert(1)%3E", "cut"]
+    assert tab.page.eval_on_selector_all("#bags a", links) == [f"Play film.html?bag={name}" for name in played]
     assert not looking.page.is_visible("#record") and looking.page.is_visible("#earlier")
     assert [message["on"] for message in viewer.asked] == [True, False]
     assert tab.harm("#recording") == tab.complaints == looking.complaints == []
@@ -172,7 +165,7 @@ def test_the_panel_says_at_once_what_was_pressed_then_what_is_and_two_of_the_lis
     viewer.close()
 
 
-def test_a_run_is_recorded_marked_saved_and_its_report_and_film_open(system, tab):
+def test_a_run_is_recorded_marked_saved_and_played(system, tab):
     tab.until("!document.getElementById('record').disabled")
     tab.page.click("#record")
     tab.until_text("record_state", "^recording$")
@@ -182,11 +175,11 @@ def test_a_run_is_recorded_marked_saved_and_its_report_and_film_open(system, tab
     tab.until_text("record_clock", "^0:0[2-9]$")
     tab.page.click("#record")
     tab.until_text("record_state", "^saved$")
-    tab.until("document.querySelectorAll('#saved_links a').length === 3")
+    tab.until("document.querySelectorAll('#saved_links a').length === 1")
     bag = Path(tab.page.input_value("#bag_path"))
     assert bag.parent == Path(system.folder) / "haptic_bags" and (bag / "metadata.yaml").is_file()
     with tab.page.context.expect_page() as popup:
-        tab.page.click("#saved_links a >> text=Film")
+        tab.page.click("#saved_links a")
     played = popup.value
     played.wait_for_selector("#marks button", timeout=1e3 * PATIENCE)
     assert bag.name in played.text_content("#about") and "here" in played.text_content("#marks")

@@ -13,7 +13,7 @@ import pytest
 from live_nodes import MODULES
 from waiting import output, until
 
-from haptic_device.jit import RECORD
+from haptic_device.jit import DONE
 from haptic_sim.kernels import ENTRIES
 
 pytestmark = pytest.mark.timeout(1800)
@@ -92,7 +92,7 @@ def test_a_node_told_to_end_while_its_kernels_compile_ends_well_and_so_does_all_
     said = output(node)[1]
     assert node.returncode == 0 and "Traceback" not in said, said
     until(lambda: not compiling(tmp_path), "the end of all that compiled")
-    assert not list(tmp_path.rglob(RECORD))
+    assert not list(tmp_path.rglob(f"*{DONE}"))
 
 
 def test_what_two_entries_keep_they_keep_for_the_same_types(tmp_path):
@@ -140,36 +140,3 @@ def test_who_needs_kernels_that_are_not_there_has_them_compiled_in_sight_and_the
     (tmp_path / "haptic_device/__init__.py").write_text("raise ImportError('the wrong package')\n")
     assert "compiling, once for this machine: " in ended(asking(tmp_path / "cache", SMALL, cwd=tmp_path))[1]
     assert ended(asking(tmp_path / "cache", SMALL, cwd=tmp_path)) == ("", "")
-
-
-@pytest.fixture(scope="module")
-def compiled(tmp_path_factory):
-    """A cache that holds one entry, to be copied."""
-    cache = tmp_path_factory.mktemp("compiled")
-    ended(asking(cache, "identification"))
-    return cache
-
-
-DAMAGE = {
-    "cut": lambda file: file.write_bytes(file.read_bytes()[: file.stat().st_size // 2]),
-    "empty": lambda file: file.write_bytes(b""),
-    "foreign": lambda file: file.write_bytes(b"\x80 is no pickle, nor is this a kernel"),
-}
-
-
-@pytest.mark.parametrize(("damage", "suffix"), [("cut", "nbc"), ("empty", "nbi"), ("foreign", "nbc")])
-def test_a_damaged_file_of_the_cache_is_said_in_one_line_and_compiled_anew(compiled, tmp_path, damage, suffix):
-    cache = tmp_path / "cache"
-    shutil.copytree(compiled, cache)
-    file = next(cache.rglob(f"axis_rerun.run_segments*.{suffix}"))
-    DAMAGE[damage](file)
-    ask = """
-        from haptic_sim.kernels import ENTRIES
-        from haptic_device import jit
-        jit.ensure_compiled("identification")
-        ENTRIES["identification"]()
-    """
-    first, *progress = ended(running(ask, cache))[1].splitlines()
-    assert first == f"{file}, of the compiled kernels, is damaged; it is compiled anew"
-    assert progress and all("compiling, once for this machine: " in line for line in progress)
-    assert ended(running(ask, cache)) == ("", "")

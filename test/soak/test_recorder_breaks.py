@@ -48,7 +48,7 @@ def test_a_bag_that_cannot_be_ended_is_said_to_be_so_and_the_recorder_has_failed
     until(lambda: files(tmp_path / "bag"), "the bag")
     process.send_signal(signal.SIGINT)
     said = output(process)[1]
-    assert process.returncode == 1 and "could not be ended (nobody foresaw this): haptic recover" in said, said
+    assert process.returncode == 1 and "could not be ended (nobody foresaw this): haptic report reads" in said, said
     assert "Traceback" not in said
 
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The bag as it is written: split, with attachments, and repaired after its writer died."""
+"""The bag as it is written: split, with attachments; and as it is read after its writer died, or damaged."""
 
-import errno
-import os
 import shutil
 import tracemalloc
 
@@ -22,13 +20,10 @@ from bag_of_a_run import (
 from examples import few
 from hypothesis import given
 from hypothesis import strategies as st
-from mcap.reader import make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
-from rosbags.highlevel import AnyReader
 
-from haptic_device.recording import load, recover
-from haptic_device.recording.recover import recovered
+from haptic_device.recording import load
 from haptic_device.recording.writer import Bag
 
 
@@ -83,30 +78,32 @@ def test_a_bag_that_goes_on_in_a_new_file_keeps_no_memory_of_the_one_before(tmp_
     assert [len(mcap_summary(tmp_path / "bag" / f"bag_{i}.mcap").chunk_indexes) for i in (0, 1, 2)] == [401, 401, 40]
 
 
+def chunks(file):
+    """(byte after it, its messages) of each chunk of a whole file."""
+    places = mcap_summary(file).chunk_indexes
+    with open(file, "rb") as stream:
+        found = [one for one in StreamReader(stream, emit_chunks=True).records if isinstance(one, Chunk)]
+    messages = [sum(isinstance(record, Message) for record in breakup_chunk(one)) for one in found]
+    return [(one.chunk_start_offset + one.chunk_length, held) for one, held in zip(places, messages, strict=True)]
+
+
 @few(8)
 @given(share=st.floats(0.0, 1.0, exclude_max=True))
-def test_of_a_file_cut_anywhere_all_whole_chunks_are_read_and_written_anew_and_it_stays_beside(
-    tmp_path_factory, run_of, share
-):
+def test_of_a_file_cut_anywhere_all_whole_chunks_are_read_and_the_cut_is_said(tmp_path_factory, run_of, share):
     folder = run_of(tmp_path_factory.mktemp("cut"), 1200)
     (folder / "metadata.yaml").unlink()
-    file, before = folder / "run_0.mcap", {}
-    data = file.read_bytes()
-    file.write_bytes(cut := data[: max(60, int(share * len(data)))])
-    try:
-        found = load(file)
-    except ValueError as error:
-        assert str(file) in str(error) and "\n" not in str(error)
+    file = folder / "run_0.mcap"
+    data, whole = file.read_bytes(), chunks(file)
+    left = max(60, int(share * len(data)))
+    file.write_bytes(data[:left])
+    kept = sum(held for end, held in whole if end <= left)
+    if kept:
+        found = load(folder)
+        assert sum(found.counts.values()) == kept and "ends without its index" in found.notes[0]
     else:
-        before = {f"/haptic/{name}": len(joints.sequence) for name, joints in found.joints.items()}
-    said = list(recovered(folder))
-    assert "metadata.yaml is written" in said[-1] and (folder / "run_0.mcap.damaged").read_bytes() == cut
-    if before:
-        with AnyReader([folder]) as reader:
-            counts = {connection.topic: connection.msgcount for connection in reader.connections}
-        assert {name: counts[name] for name in before} == before
-        assert load(folder).notes == ()
-    assert mcap_summary(file) and list(recovered(folder))[0].startswith("run_0.mcap: whole")
+        with pytest.raises(ValueError, match=r"holds no message; run_0\.mcap ends without its index"):
+            load(folder)
+    assert file.read_bytes() == data[:left]
 
 
 def test_a_writer_killed_leaves_all_that_was_flushed_readable_and_nothing_half(tmp_path):
@@ -128,41 +125,31 @@ def test_a_flipped_byte_costs_at_most_its_own_record_and_never_a_traceback(tmp_p
     data = bytearray(file.read_bytes())
     data[int(place * len(data))] ^= value
     file.write_bytes(data)
-    for read in (load, lambda bag: list(recovered(bag)), load):  # as it is, and after the repair
-        try:
-            recording = read(folder)
-        except ValueError as error:
-            assert "\n" not in str(error)
-        else:
-            if "trace" in getattr(recording, "clouds", ()):
-                assert set(recording.trace["tick"]) <= set(range(800))
+    try:
+        recording = load(folder)
+    except ValueError as error:
+        assert "\n" not in str(error)
+    else:
+        if "trace" in recording.clouds:
+            assert set(recording.trace["tick"]) <= set(range(800))
 
 
 def damage(file, number):
     """A byte in the middle of this chunk is another; messages that the chunk held."""
-    place = mcap_summary(file).chunk_indexes[number]
-    with open(file, "rb") as stream:
-        chunks = [one for one in StreamReader(stream, emit_chunks=True).records if isinstance(one, Chunk)]
+    place, held = mcap_summary(file).chunk_indexes[number], chunks(file)[number][1]
     data = bytearray(file.read_bytes())
     data[place.chunk_start_offset + place.chunk_length // 2] ^= 0xFF
     file.write_bytes(data)
-    return sum(isinstance(record, Message) for record in breakup_chunk(chunks[number]))
+    return held
 
 
 @pytest.mark.parametrize("damaged", [0, -1])
-def test_a_damaged_chunk_is_passed_over_by_every_reader_and_after_the_repair_no_other_misses_topic_or_index(
-    tmp_path, run_of, damaged
-):
+def test_a_damaged_chunk_costs_no_other_its_topic_and_is_said(tmp_path, run_of, damaged):
     folder = run_of(tmp_path, 4000)
     file = folder / "run_0.mcap"
     lost = damage(file, damaged)
     before = information(folder)["message_count"]
     assert sum(load(folder).counts.values()) == before - lost and "is damaged" in load(folder).notes[0]
-    assert "1 damaged records are passed over" in list(recovered(folder))[0]
-    assert sum(load(folder).counts.values()) == information(folder)["message_count"] == before - lost
-    assert load(folder).notes == () and mcap_summary(file).statistics.message_count == before - lost
-    with open(file, "rb") as stream:
-        assert sum(1 for _ in make_reader(stream, validate_crcs=True).iter_messages()) == before - lost
 
 
 def test_of_attachments_the_newest_state_counts_and_a_damaged_one_is_passed_over(tmp_path):
@@ -176,97 +163,32 @@ def test_of_attachments_the_newest_state_counts_and_a_damaged_one_is_passed_over
     data[data.index(b"made.yaml") - 1] = 0xFF  # of the length of its name
     file.write_bytes(data)
     assert "damaged in 1 places" in load(tmp_path / "bag").notes[0]
-    said = list(recovered(tmp_path / "bag"))[0]
-    assert "1 damaged records are passed over" in said and "; 100 messages" in said
-    found = load(tmp_path / "bag")
-    assert found.attachments == {"trial.yaml": b"new"} and found.notes == ()
+    assert load(tmp_path / "bag").attachments == {"trial.yaml": b"new"}
+    assert load(tmp_path / "bag").counts == {"/haptic/encoder": 100}
 
 
-@pytest.fixture
-def cut(tmp_path, run_of):
-    """A bag whose one file ends without its index."""
-    folder = run_of(tmp_path, 400)
-    file = folder / "run_0.mcap"
-    file.write_bytes(file.read_bytes()[:-100])
-    return folder
-
-
-def test_a_repair_keeps_the_file_that_an_earlier_one_kept_and_replaces_what_it_had_half_written(cut, monkeypatch):
-    def refuse(*given):  # as on a stick
-        raise PermissionError(errno.EPERM, os.strerror(errno.EPERM))
-
-    monkeypatch.setattr(recover.os, "link", refuse)
-    file, before = cut / "run_0.mcap", (cut / "run_0.mcap").read_bytes()
-    (cut / "run_0.mcap.damaged").write_text("earlier")
-    (cut / "run_0.mcap.part").write_text("half")
-    assert "as it was: run_0.mcap.damaged1" in list(recovered(cut))[0]
-    assert (cut / "run_0.mcap.damaged").read_text() == "earlier"
-    assert (cut / "run_0.mcap.damaged1").read_bytes() == before and mcap_summary(file)
-    assert not (cut / "run_0.mcap.part").exists()
-
-
-def test_a_repair_that_is_killed_at_any_step_leaves_a_file_of_that_name(cut, monkeypatch):
-    there = []
-    for real in (os.link, os.rename, os.replace):
-
-        def step(*given, real=real):
-            real(*given)
-            there.append((cut / "run_0.mcap").exists())
-
-        monkeypatch.setattr(os, real.__name__, step)
-    assert list(recovered(cut)) and len(there) >= 2 and all(there)
-
-
-@pytest.mark.parametrize("trouble", [OSError(errno.EROFS, os.strerror(errno.EROFS)), KeyboardInterrupt()])
-def test_a_repair_that_cannot_write_or_is_interrupted_leaves_the_folder_as_it_was(cut, monkeypatch, trouble):
-    def stop(*given):
-        raise trouble
-
-    before = {path: path.read_bytes() for path in cut.iterdir()}
-    monkeypatch.setattr(recover, "_copy", stop)
-    with pytest.raises(type(trouble)):
-        list(recovered(cut))
-    assert {path: path.read_bytes() for path in cut.iterdir()} == before
-
-
-NUMBERS = {  # of each topic's publishers, how many messages are lost then, and what recovery writes of it
-    "/haptic/encoder": ((1, 2, 3, 7, 8, 10), 4, "4"),
-    "/haptic/handle": ((7, 8, 1, 3), 1, "1"),  # a publisher that started anew
-    "/haptic/wrench": ((1, 50, 2, 51, 3), None, "unknown, several publishers"),
-    "/diagnostics": ((1, 9), None, "unknown, several publishers"),
+NUMBERS = {  # of each topic's publishers, and how many messages are lost then
+    "/haptic/encoder": ((1, 2, 3, 7, 8, 10), 4),
+    "/haptic/handle": ((7, 8, 1, 3), 1),  # a publisher that started anew
+    "/haptic/wrench": ((1, 50, 2, 51, 3), None),
+    "/diagnostics": ((1, 9), None),
 }
 
 
 @pytest.mark.parametrize("limit", [{}, {"split_seconds": 2.0}])
-def test_recovery_counts_the_publishers_numbers_that_were_skipped_between_two_files_too_and_invents_no_loss(
-    tmp_path, limit
-):
-    numbered(tmp_path / "bag", {topic: numbers for topic, (numbers, *_) in NUMBERS.items()}, **limit)
+def test_numbers_that_were_skipped_between_two_files_count_too_and_no_loss_is_invented(tmp_path, limit):
+    numbered(tmp_path / "bag", {topic: numbers for topic, (numbers, _) in NUMBERS.items()}, **limit)
     assert (len(list((tmp_path / "bag").glob("*.mcap"))) >= 2) == bool(limit)
-    lost = {topic: count for topic, (_, count, _) in NUMBERS.items()}
-    assert load(tmp_path / "bag").lost == lost and list(recovered(tmp_path / "bag"))
-    said = {f"lost {topic}": text for topic, (*_, text) in NUMBERS.items()}
-    assert information(tmp_path / "bag")["custom_data"] == {"recovered": "true"} | said
-    assert load(tmp_path / "bag").lost == lost
+    assert load(tmp_path / "bag").lost == {topic: count for topic, (_, count) in NUMBERS.items()}
 
 
-def test_recovery_keeps_what_the_recorder_said_and_adds_what_the_files_lack(tmp_path):
-    said = {"namespace": "/haptic", "participant": "P7", "lost /haptic/encoder": "1"}
-    numbered(tmp_path / "bag", {"/haptic/encoder": (1, 2, 4, 5, 6)}).close(said)
-    damage(tmp_path / "bag" / "bag_0.mcap", 3)
-    assert list(recovered(tmp_path / "bag"))
-    found = information(tmp_path / "bag")["custom_data"]
-    assert found == said | {"missing /haptic/encoder": "2", "recovered": "true"}
-
-
-def test_what_cannot_be_repaired_is_refused_and_a_stranger_in_the_folder_left_alone(tmp_path, run_of):
+def test_what_is_no_bag_is_refused_and_a_stranger_in_the_folder_left_out(tmp_path, run_of):
     (tmp_path / "notes.mcap").write_text("not a bag at all")
-    with pytest.raises(ValueError, match="no file that could be repaired"):
-        list(recovered(tmp_path))
+    with pytest.raises(ValueError, match="holds no message; .*it is no MCAP file"):
+        load(tmp_path)
     with pytest.raises(FileNotFoundError, match="does not exist"):
-        list(recovered(tmp_path / "missing"))
+        load(tmp_path / "missing")
     run_of(tmp_path, 400)
     (tmp_path / "notes.mcap").rename(tmp_path / "run" / "notes.mcap")
-    assert "notes.mcap is left out" in list(recovered(tmp_path / "run"))[0]
-    assert (tmp_path / "run" / "notes.mcap").read_text() == "not a bag at all"
+    assert "notes.mcap is left out" in load(tmp_path / "run").notes[0]
     assert len(load(tmp_path / "run").trace) == 400

@@ -30,7 +30,7 @@ def live(node, live=True):
 
 def test_the_commands_are_offered_and_those_that_begin_so(completed):
     assert set(completed("haptic ")) == set(COMMANDS)
-    assert completed("haptic rec") == ["record", "recover"]
+    assert completed("haptic rec") == ["record"]
     assert set(completed("haptic device ")) == {"find", "show", "set-up", "test"}
 
 

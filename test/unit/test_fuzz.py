@@ -61,7 +61,7 @@ OPTIONS = ("--seconds", "--rate", "--scene", "--params", "--domain", "--minutes"
 
 
 @few(15, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.sampled_from(["check", "passivity", "report", "replay", "compare", "recover"]), st.data())
+@given(st.sampled_from(["check", "passivity", "report", "replay", "compare"]), st.data())
 def test_a_command_line_of_nonsense_is_refused_in_a_sentence(tmp_path, monkeypatch, name, data):
     monkeypatch.chdir(tmp_path)
     words = data.draw(st.lists(st.one_of(st.sampled_from(OPTIONS), WISHES), min_size=1, max_size=4))

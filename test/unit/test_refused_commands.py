@@ -93,7 +93,6 @@ INPUTS = {
     f"{PASSIVITY} --resolution -1": "resolution is -1 m",
     f"{PASSIVITY} --coulomb -1": "coulomb is -1 N",
     f"{PASSIVITY} --plot /nowhere/a.png": f"haptic passivity: /nowhere/a.png: {NO_FILE}",
-    "recover nowhere": "bag nowhere does not exist",
     "replay nowhere --delay inf": "--delay is inf; a finite number in s is needed",
     "replay nowhere --check --as device": "replay --check takes no --as device:",
     "replay nowhere --check --delay 0.01": "replay --check takes no --delay:",

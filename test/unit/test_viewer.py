@@ -48,7 +48,7 @@ def served(visit, do=None, host="127.0.0.1", save=saved, **given):
 
     async def live():
         welcome = lambda page: page.tell("hello", page.control)  # noqa: E731
-        server = Server(host, 0, welcome, do or note, save, **{"recorded": nothing} | given)
+        server = Server(host, 0, welcome, do or note, save, **{"film": nothing} | given)
         await server.start()
         async with aiohttp.ClientSession() as http:
             try:
@@ -82,7 +82,7 @@ async def knocked(server, said=b""):
 
 FILES = [path.name for path in WEB.iterdir()]
 WAYS_OUT = ("../viewer.py", "..%2Fviewer.py", "%2E%2E%2Fviewer.py", "..%5Cviewer.py", "/etc/passwd", "%2Fetc%2Fpasswd")
-NO_FILES = ("viewer.py", "unknown.js", "web/", "./", "%2E", "recordings/..%2Freport.html", "a" * 8000, "a" * 9000)
+NO_FILES = ("viewer.py", "unknown.js", "web/", "./", "%2E", "film.html?bag=..%2Fone", "a" * 8000, "a" * 9000)
 NAMES = st.sampled_from(["", "main.js", "operating_point.yaml", "socket", *WAYS_OUT, *NO_FILES])
 VISIBLE = st.text(st.characters(min_codepoint=33, max_codepoint=126), max_size=60)
 METHODS = st.sampled_from(["GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS", "BREW", "get"])

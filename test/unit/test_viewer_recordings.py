@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings on the page, without nodes: the recorder's states, the bags that are listed, the files that are given."""
+"""Recordings on the page, without nodes: the recorder's states, the bags that are listed, the films that are given."""
 
 import asyncio
 import itertools
 import os
-import sys
 import time
 
 import psutil
@@ -15,7 +14,6 @@ from test_viewer import served
 from yarl import URL
 
 from haptic_device.status import Status
-from haptic_sim.viewer.bag_pages import BagPages
 from haptic_sim.viewer.recordings import Recordings
 
 pytestmark = pytest.mark.timeout(300)
@@ -111,12 +109,9 @@ def test_bags_of_the_folder_are_listed_the_newest_first_without_those_that_canno
 def visited(recordings, visit):
     async def scanned(server, http):
         await recordings.scan()
-        try:
-            return await visit(server, http)
-        finally:
-            await recordings.pages.stop()
+        return await visit(server, http)
 
-    return served(scanned, recorded=recordings.page)[0]
+    return served(scanned, film=recordings.film)[0]
 
 
 async def got(http, address):
@@ -124,114 +119,56 @@ async def got(http, address):
         return answer.status, dict(answer.headers), await answer.text()
 
 
-async def made(http, address):
-    """The first answer that is no page which says that it is being made."""
-    while True:
-        status, headers, text = await got(http, address)
-        if "Making the" not in text:
-            return status, headers, text
-        assert 'http-equiv="refresh"' in text
-        await asyncio.sleep(0.2)
-
-
-def test_only_bags_of_the_folder_and_files_that_were_made_are_given(news, tmp_path):
+def test_only_bags_of_the_folder_are_played(news, tmp_path):
     write_run(tmp_path / "haptic_bags" / "one", swing(80))
     write_run(tmp_path / "outside", swing(80))
-    (tmp_path / "haptic_reports").mkdir()
-    (tmp_path / "haptic_reports" / "secret.html").write_text("secret")
-    bags = ("bag=../outside", "bag=..%2Foutside", f"bag={tmp_path}/outside", "bag=.", "", "bag=one%00", "bag=one&" * 3)
-    asked = [f"recordings/report.html?{words}" for words in bags]
-    asked += [f"recordings/{file}?bag=one" for file in ("secret.html", "..%2F..%2Fsecret.html", "..%2freport.html", "")]
+    asked = [f"bag={name}" for name in ("../outside", "..%2Foutside", f"{tmp_path}/outside", ".", "", "one%00")]
 
     async def visit(server, http):
-        return [await got(http, f"{server.address(True)}{path}") for path in asked]
+        return [await got(http, f"{server.address(True)}film.html?{words}") for words in [*asked, ""]]
 
     answers = visited(news, visit)
-    assert {path: status for path, (status, _, _) in zip(asked, answers, strict=True)} == dict.fromkeys(asked, 404)
-    assert all("secret" not in text or "nothing called" in text for _, _, text in answers)
-    assert not list((tmp_path / "haptic_reports").glob("*/*"))
+    assert [status for status, _, _ in answers] == [404] * 7
+    assert all(text.startswith("there is no recording ") for _, _, text in answers)
 
 
-def test_what_cannot_be_made_is_said_in_a_sentence_and_tried_again(news, tmp_path):
+def test_a_recording_is_played_by_who_looks_on_too_in_a_page_whose_scripts_reach_no_page_of_the_viewer(news, tmp_path):
+    film_bag(tmp_path / "haptic_bags" / "a&b", rows_of(1000), marks=[(400, "here")])
+
+    async def visit(server, http):
+        return await got(http, f"{server.address(False)}film.html?bag=a%26b")
+
+    status, headers, text = visited(news, visit)
+    assert status == 200 and '"here"' in text and text.startswith("<!doctype html>")
+    assert headers["Content-Security-Policy"].startswith("sandbox allow-scripts; default-src 'none'")
+
+
+def test_what_cannot_be_played_is_said_in_a_sentence(news, tmp_path):
     bag = tmp_path / "haptic_bags" / "broken"
     bag.mkdir()
     (bag / "broken_0.mcap").write_bytes(b"no bag")
 
     async def visit(server, http):
-        address = f"{server.address(True)}recordings/film.html?bag=broken"
-        return await made(http, address), await got(http, address)
+        return await got(http, f"{server.address(True)}film.html?bag=broken")
 
-    (status, _, text), again = visited(news, visit)
+    status, _, text = visited(news, visit)
     assert status == 503 and text.startswith("the film could not be made: ") and len(text.splitlines()) == 1
-    assert again[0] == 200 and "Making the film" in again[2]
+    assert "it is no MCAP file" in text
 
 
-def of_pages(folder, run):
-    """What run(pages) returns, with pages that are made in a folder."""
+def test_films_are_made_one_at_a_time_and_end_with_the_server(news, tmp_path):
+    for name in ("one", "two"):
+        film_bag(tmp_path / "haptic_bags" / name, rows_of(1000))
+    found = []
 
-    async def live():
-        pages = BagPages(folder / "pages")
-        try:
-            return await run(pages)
-        finally:
-            await pages.stop()
+    async def visit(server, http):
+        page = f"{server.address(True)}film.html?bag="
+        asked = [asyncio.create_task(got(http, f"{page}{name}")) for name in ("one", "two")]
+        while not (children := psutil.Process().children()):
+            await asyncio.sleep(0.01)
+        found.extend(children)
+        for one in asked:
+            one.cancel()
 
-    return asyncio.run(live())
-
-
-def test_a_page_whose_place_is_taken_or_whose_program_is_missing_is_refused_and_the_process_ends_with_the_viewer(
-    tmp_path, monkeypatch
-):
-    bag = film_bag(tmp_path / "one", rows_of(1000))
-    (tmp_path / "pages" / "one" / "report.html").mkdir(parents=True)
-
-    async def run(pages):
-        with pytest.raises(ValueError, match=r"the report could not be made: .*report\.html"):
-            await pages.page("report.html", [bag], "one")
-        (tmp_path / "pages" / "one" / "report.html").rmdir()
-        with monkeypatch.context() as without:
-            without.setattr(sys, "executable", str(tmp_path / "gone"))
-            with pytest.raises(ValueError, match="the report could not be made: .*gone"):
-                await pages.page("report.html", [bag], "one")
-        assert "Making the report" in await pages.page("report.html", [bag], "one"), "it is tried again"
-        [process] = psutil.Process().children()
-        return process
-
-    assert not of_pages(tmp_path, run).is_running()
-
-
-def test_each_choice_of_recordings_has_a_page_of_its_own_whose_scripts_reach_no_page_of_the_viewer(
-    news, tmp_path, monkeypatch
-):
-    asked, page = [], tmp_path / "film.html"
-    page.write_text("made")
-
-    async def noted(file, bags, name):
-        asked.append(tmp_path / name)
-        return page
-
-    monkeypatch.setattr(news.pages, "page", noted)
-    for name in ("a", "b", "a+b"):
-        write_run(tmp_path / "haptic_bags" / name, swing(80))
-
-    async def visit(server, http):  # a page that looks on only
-        bags = ("bag=a&bag=b", "bag=a%2Bb", "bag=a", "bag=b&bag=a")
-        return [await got(http, f"{server.address(False)}recordings/film.html?{words}") for words in bags]
-
-    for status, headers, text in visited(news, visit):
-        assert (status, text) == (200, "made")
-        assert headers["Content-Security-Policy"].startswith("sandbox allow-scripts; default-src 'none'")
-    assert len(set(asked)) == 4
-
-
-def test_four_pages_are_waited_for_and_a_fifth_is_refused(tmp_path):
-    bags = [film_bag(tmp_path / f"bag{number}", rows_of(1000)) for number in range(5)]
-
-    async def run(pages):
-        for bag in bags[:4]:
-            assert "Making the" in await pages.page("film.html", [bag], bag.name)
-        with pytest.raises(ValueError, match="4 reports wait to be made already"):
-            await pages.page("film.html", bags[4:], "bag4")
-        assert "Making the" in await pages.page("film.gif", bags[:1], "bag0"), "it is the same making"
-
-    of_pages(tmp_path, run)
+    visited(news, visit)
+    assert len(found) == 1 and not found[0].is_running()

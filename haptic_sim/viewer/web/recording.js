@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Recording: what the recorder does, where the bag is, and its report and film, which open in a tab of their own.
+// Recording: what the recorder does, where the bag is, and its film, which opens in a tab of its own.
 
 import { byId, element, put } from "./element.js";
 import { say } from "./refusals.js";
@@ -8,7 +8,6 @@ export class RecordingPanel {
   constructor(link) {
     this.link = link;
     this.news = { state: "no recorder", seconds: 0, bag: "", name: "", bags: [] };
-    this.chosen = new Set();
     this.listed = "";
     byId("record").addEventListener("click", () => this.press());
     byId("mark").addEventListener("click", () => link.say({ do: "mark", text: byId("mark_text").value || "mark" }));
@@ -55,7 +54,7 @@ export class RecordingPanel {
     if (byId("bag_path").value === bag && byId("saved").dataset.name === name) return;
     byId("bag_path").value = bag;
     byId("saved").dataset.name = name;
-    byId("saved_links").replaceChildren(...(name ? links([name]) : []));
+    byId("saved_links").replaceChildren(...(name ? [film(name)] : []));
   }
 
   showBags() {
@@ -65,32 +64,7 @@ export class RecordingPanel {
     if (told === this.listed) return;
     this.listed = told;
     put(byId("bag_count"), String(bags.length));
-    const there = new Set(bags.map(({ name }) => name));
-    this.chosen = new Set([...this.chosen].filter((name) => there.has(name)));
-    byId("bags").replaceChildren(...bags.map((bag) => this.row(bag)));
-    this.showPair();
-  }
-
-  row({ name, seconds, size }) {
-    const box = element("input", { type: "checkbox", checked: this.chosen.has(name) });
-    box.addEventListener("change", () => {
-      if (box.checked) this.chosen.add(name);
-      else this.chosen.delete(name);
-      this.showPair();
-    });
-    const length = seconds === null ? "not closed" : clock(Math.round(seconds));
-    const label = element("label");
-    label.append(box, `${name}, ${length}, ${(size / 1e6).toFixed(1)} MB`);
-    const item = element("li");
-    item.append(label, ...links([name]));
-    return item;
-  }
-
-  showPair() {
-    const two = this.chosen.size === 2;
-    byId("pair").hidden = !two;
-    byId("pair_note").hidden = two;
-    byId("pair").replaceChildren(...(two ? [page("Film of both", "film.html", [...this.chosen])] : []));
+    byId("bags").replaceChildren(...bags.map(row));
   }
 
   answered({ to, done, sentence }) {
@@ -101,14 +75,17 @@ export class RecordingPanel {
   }
 }
 
-function links(names) {
-  return [page("Report", "report.html", names), page("Film", "film.html", names), page("GIF", "film.gif", names)];
+function row({ name, seconds, size }) {
+  const length = seconds === null ? "not closed" : clock(Math.round(seconds));
+  const item = element("li");
+  item.append(element("span", { textContent: `${name}, ${length}, ${(size / 1e6).toFixed(1)} MB` }), film(name));
+  return item;
 }
 
-function page(text, file, names) {
-  const given = names.map((name) => `bag=${encodeURIComponent(name)}`).join("&");
-  const link = element("a", { className: "button", textContent: text, href: `recordings/${file}?${given}`, target: "_blank", rel: "noopener" });
-  link.setAttribute("aria-label", `${text}: ${names.join(" and ")} (new tab)`);
+function film(name) {
+  const href = `film.html?bag=${encodeURIComponent(name)}`;
+  const link = element("a", { className: "button", textContent: "Play", href, target: "_blank", rel: "noopener" });
+  link.setAttribute("aria-label", `Play: ${name} (new tab)`);
   return link;
 }
 

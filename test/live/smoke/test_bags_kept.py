@@ -73,7 +73,7 @@ def test_a_bag_says_how_it_was_made(recorded):
 
 
 REFUSED = {
-    "disk full": ({"disk_reserve": 1e6}, "MB free; disk_reserve needs 1000017 MB"),
+    "disk full": ({"disk_reserve": 1e6}, "MB free; disk_reserve needs 1000000 MB"),
     "folder in use": ({}, "is not empty"),
 }
 
