@@ -81,7 +81,7 @@ def _content(film: Film) -> dict[str, Any]:
     steps = np.array([UNITS["length"], UNITS["length"], UNITS["angle"]])
     return {
         "name": film.name,
-        "scene": asdict(film.scene) | {"sprung": film.sprung} if film.scene else None,
+        "scene": asdict(film.scene) if film.scene else None,
         "date": film.date,
         "facts": film.facts,
         "notes": film.notes,

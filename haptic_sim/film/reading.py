@@ -34,7 +34,7 @@ class Film(NamedTuple):
     each moving body. curves: (pictures,) of motor, felt [N], stretch [mm], given, supplied [mJ], age, oldest [ms].
     force: (pictures, 2) on the hand [N]. coupled: whether the coupling held. contacts: (picture, x, y [m], force x,
     force y [N]). marks: (time [s], text). first_contact [s]: None without one. room: left, bottom, right, top [m].
-    walls: of the servo, as (normal x, normal y, offset [m]). sprung: whether each joint of the scene has a spring.
+    walls: of the servo, as (normal x, normal y, offset [m]).
     """
 
     name: str
@@ -53,7 +53,6 @@ class Film(NamedTuple):
     first_contact: float | None
     room: tuple[float, float, float, float]
     walls: list[tuple[float, float, float]]
-    sprung: tuple[bool, ...] = ()
 
     @property
     def pictures(self) -> int:
@@ -90,7 +89,6 @@ def film_of(run: Run) -> Film:
         _first_contact(run),
         room_of(places, drawing),
         _walls(run),
-        tuple(joint.spring(0.0)[0] > 0.0 for joint in scene.joints) if scene else (),
     )
 
 
