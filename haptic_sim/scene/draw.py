@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Picture of a scene at its start: bodies, joints, the tool, what is measured and the way suggested for the handle.
+`paint` draws the shapes of a scene's film too.
 
 Zigzags and spirals are springs, arrows with a speed are motors, belts and what moves at the start.
 """
@@ -18,19 +19,22 @@ from matplotlib.path import Path
 from matplotlib.patheffects import Normal, Stroke, withStroke
 from matplotlib.transforms import Affine2D
 
+from haptic_device.analysis import palette
 from haptic_device.analysis.palette import BLACK, COUPLING, FIXED, FORCE, HANDLE, MOVING, TARGET
-from haptic_device.analysis.palette import TOOL as HELD
 from haptic_device.device import operator_hand
 from haptic_device.os_errors import naming
 from haptic_device.parameter_types import defaults
 from haptic_device.parameters import OPERATOR
-from haptic_sim.scene.drawing import Drawing, Solid, corners, drawing_of
+from haptic_sim.scene.drawing import Drawing, Shape, corners, drawing_of, standing
 from haptic_sim.scene.geometry import Point, thickness, turned
 from haptic_sim.scene.joints import AnyJoint, Slider
 from haptic_sim.scene.language import Measure, Scene
-from haptic_sim.scene.shapes import TOOL, Body, HalfPlane, Tool
+from haptic_sim.scene.shapes import Body, HalfPlane, Tool
 
 DRIVEN, SPRUNG = FORCE, COUPLING
+ROLES = ("wall", "fixed", "moving", "tool", "coupling", "contact", "force", "handle")  # what is over what
+COLOURS = {role: getattr(palette, role.upper()) for role in ROLES} | {"spring": SPRUNG, "joint": BLACK}
+PER_NEWTON, LONGEST = 4.3, 100.0  # points of an arrow
 MARKS = {"pin": "o", "slider": "s", "weld": "X", "spring": "."}
 POINTS, LINE = 200, 50  # of the handle's way; letters of the title in a line
 THIN, SPECK = 0.012, 0.05  # of the picture's width: drawn thicker, drawn with a ring
@@ -99,8 +103,9 @@ def draw(scene: Scene, axes: Axes) -> None:
     way, drawn = handle_way(scene), drawing_of(scene)
     seen = _frame(axes, scene, way, drawn)
     _draw_kinds(axes, drawn)
-    for solid in (*drawn.solids[1:], drawn.solids[0]):
-        _draw_solid(axes, solid)
+    for shape in standing(drawn, (solid.pose for solid in drawn.solids)):
+        paint(axes, shape)
+    _draw_ring(axes, drawn)
     _draw_velocities(axes, scene)
     _draw_joints(axes, scene.joints, drawn)
     _draw_belts(axes, scene)
@@ -123,27 +128,74 @@ def handle_way(scene: Scene) -> np.ndarray:
     return way
 
 
-def _draw_solid(axes: Axes, solid: Solid) -> None:
-    color = HELD if solid.name == TOOL else FIXED if solid.fixed else MOVING
-    width, ends = float(np.ptp(axes.get_xlim())), []
+def paint(axes: Axes, shape: Shape, alpha: float = 0.75) -> None:
+    """Draws a shape into axes of matplotlib, in mm, whose limits are set; alpha: of solids."""
+    place, color = 1e3 * np.array(shape.pose[:2]), COLOURS[shape.role]
+    if shape.kind == "solid":
+        _paint_solid(axes, shape, alpha)
+    elif shape.points:
+        _paint_line(axes, shape)
+    elif shape.kind in MARKS:
+        axes.plot(*place, MARKS[shape.kind], color=color, markersize=5, markerfacecolor="white", zorder=7)
+    else:
+        size = 5.0 if shape.kind == "arrow" else 8.5
+        axes.plot(*place, "o", color=color, markersize=size, markeredgecolor=BLACK, markeredgewidth=0.7, zorder=9)
+        _paint_force(axes, place, shape.force, color)
+
+
+def _paint_solid(axes: Axes, solid: Shape, alpha: float) -> None:
+    color, width = COLOURS[solid.role], float(np.ptp(axes.get_xlim()))
     for outline in solid.outlines:
         places = 1e3 * np.array([turned(vertex, solid.pose) for vertex in outline.vertices])
         shape = patches.Circle(places[0], 1e3 * outline.radius) if outline.radius else patches.Polygon(places)
-        shape.set(facecolor=color, edgecolor=BLACK, linewidth=0.6, alpha=0.75)
+        shape.set(facecolor=color, edgecolor=BLACK, linewidth=0.6, alpha=alpha, zorder=ROLES.index(solid.role) / 4)
         if 1e3 * thickness(outline) < THIN * width:
             around = [Stroke(linewidth=4.0, foreground=BLACK), Normal()]
             shape.set(edgecolor=color, linewidth=2.8, alpha=1.0, path_effects=around)
         axes.add_patch(shape)
-        ends += [places.min(axis=0) - 1e3 * outline.radius, places.max(axis=0) + 1e3 * outline.radius]
-    if solid.name == TOOL and np.ptp(ends, axis=0).max() < SPECK * width:
-        x, y, _ = solid.pose
-        axes.plot(1e3 * x, 1e3 * y, "o", color=HELD, markersize=24, markeredgewidth=2.0, fillstyle="none", zorder=7)
+    if solid.role == "tool":  # from its grip
+        middle = turned(np.mean(solid.outlines[0].vertices, axis=0).tolist(), solid.pose)
+        axes.plot(*(1e3 * np.array([solid.pose[:2], middle]).T), "-", color=BLACK, linewidth=1.5, zorder=0.7)
+
+
+def _paint_line(axes: Axes, shape: Shape) -> None:
+    """A zigzag for a spring, else dashes."""
+    start, end = 1e3 * np.array(shape.points)
+    along, sprung = end - start, shape.kind == "spring"
+    teeth = TEETH * (1.0, 0.08) if sprung else np.array([[0.0, 0.0], [1.0, 0.0]])
+    line = start + teeth @ np.array([along, [-along[1], along[0]]])
+    look: dict[str, Any] = {
+        "color": COLOURS[shape.role],
+        "zorder": 6,
+        "linewidth": 1.2 if shape.role == "spring" else 2.5,
+    }
+    ends: dict[str, Any] = {"marker": MARKS["spring"], "markerfacecolor": "white", "markeredgecolor": BLACK}
+    axes.plot(*line.T, "-" if sprung else "--", **look, **ends, markersize=5, markevery=[0, -1])
+
+
+def _paint_force(axes: Axes, place: np.ndarray, force: Point, color: str) -> None:
+    """An arrow as long as the force [N]; none for one too small to see, or that is no number."""
+    size = PER_NEWTON * math.hypot(*force)
+    if size > 1.0:
+        tip = PER_NEWTON * min(1.0, LONGEST / size) * np.array(force)
+        arrow = {"arrowstyle": "<|-", "shrinkA": 0.0, "shrinkB": 0.0, "color": color, "linewidth": 2.0}
+        axes.annotate("", place, xytext=tip, textcoords="offset points", arrowprops=arrow, zorder=8)
+
+
+def _draw_ring(axes: Axes, drawn: Drawing) -> None:
+    """Round a tool that is a speck."""
+    tool, width = drawn.solids[0], float(np.ptp(axes.get_xlim()))
+    vertices = np.array([vertex for outline in tool.outlines for vertex in outline.vertices])
+    across = np.ptp(vertices, axis=0).max() + 2.0 * max(outline.radius for outline in tool.outlines)
+    if 1e3 * across < SPECK * width:
+        look: dict[str, Any] = {"color": COLOURS["tool"], "markersize": 24, "markeredgewidth": 2.0, "fillstyle": "none"}
+        axes.plot(*(1e3 * np.array(tool.pose[:2])), "o", zorder=7, **look)
 
 
 def _draw_kinds(axes: Axes, drawn: Drawing) -> None:
     """What the colours of the solids say, for the legend."""
     kinds = {
-        "tool": (HELD, True),
+        "tool": (palette.TOOL, True),
         "can move": (MOVING, any(not solid.fixed for solid in drawn.solids[1:])),
         "fixed": (FIXED, any(solid.fixed for solid in drawn.solids)),
     }
@@ -274,20 +326,14 @@ def _mark(axes: Axes, place: np.ndarray, shape: Path, color: str, size: float) -
 
 
 def _draw_joints(axes: Axes, joints: Sequence[AnyJoint], drawn: Drawing) -> None:
+    """What drives the joints, and how far sliders go."""
     poses = {solid.name: solid.pose for solid in drawn.solids}
     for joint, marks in zip(joints, drawn.joints, strict=True):
-        ends = 1e3 * np.array([mark.place(poses) for mark in marks])
-        look: dict[str, Any] = {"marker": MARKS[joint.type], "markersize": 5, "markerfacecolor": "white"}
-        axes.plot(*ends.T, color="black", linestyle="", zorder=7, **look)
-        if joint.type == "spring":
-            along = ends[1] - ends[0]
-            teeth = TEETH * (1.0, 0.08) if joint.stiffness else np.array([[0.0, 0.0], [1.0, 0.0]])
-            line = ends[0] + teeth @ np.array([along, [-along[1], along[0]]])
-            axes.plot(*line.T, "-" if joint.stiffness else "--", color=SPRUNG, linewidth=1.2, zorder=6)
-        _draw_drives(axes, joint, ends[0])
+        place = 1e3 * np.array(marks[0].place(poses))
+        _draw_drives(axes, joint, place)
         if isinstance(joint, Slider) and joint.limits:
             way = np.outer(joint.limits, joint.unit_axis)
-            axes.plot(*(ends[0] + 1e3 * way).T, "|-", color="black", linewidth=0.8, zorder=6)
+            axes.plot(*(place + 1e3 * way).T, "|-", color="black", linewidth=0.8, zorder=6)
 
 
 def _frame(axes: Axes, scene: Scene, way: np.ndarray, drawn: Drawing) -> np.ndarray:
