@@ -20,14 +20,13 @@ SECONDS = 5.76  # at most, unless more is asked for
 BEFORE = 1.0  # [s] that are shown before the first contact
 SIZE, DPI = (4.8, 3.6), 100  # inches
 SIDES = np.array([-1.0, 1.0])
-COLOURS = 48
 
 
 class _Writer(PillowWriter):
     def finish(self) -> None:
         """One palette for all pictures, of that with most colours: a file half as large, in half the time."""
         richest = max(self._frames, key=lambda frame: len(frame.getcolors(frame.width * frame.height)))
-        palette = richest.quantize(COLOURS)
+        palette = richest.quantize()
         self._frames = [frame.quantize(palette=palette, dither=0) for frame in self._frames]
         super().finish()
 

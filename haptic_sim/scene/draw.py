@@ -15,16 +15,14 @@ import numpy as np
 from matplotlib import patches
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.path import Path
 from matplotlib.patheffects import Normal, Stroke, withStroke
 from matplotlib.transforms import Affine2D
 
 from haptic_device.analysis import palette
 from haptic_device.analysis.palette import BLACK, COUPLING, FIXED, FORCE, HANDLE, MOVING, TARGET
-from haptic_device.device import operator_hand
 from haptic_device.os_errors import naming
-from haptic_device.parameter_types import defaults
-from haptic_device.parameters import OPERATOR
 from haptic_sim.scene.drawing import Drawing, Shape, corners, drawing_of, standing
 from haptic_sim.scene.geometry import Point, thickness, turned
 from haptic_sim.scene.joints import AnyJoint, Slider
@@ -36,7 +34,7 @@ ROLES = ("wall", "fixed", "moving", "tool", "coupling", "contact", "force", "han
 COLOURS = {role: getattr(palette, role.upper()) for role in ROLES} | {"spring": SPRUNG, "joint": BLACK}
 PER_NEWTON, LONGEST = 4.3, 100.0  # points of an arrow
 MARKS = {"pin": "o", "slider": "s", "weld": "X", "spring": "."}
-POINTS, LINE = 200, 50  # of the handle's way; letters of the title in a line
+LINE = 50  # letters of the title in a line
 THIN, SPECK = 0.012, 0.05  # of the picture's width: drawn thicker, drawn with a ring
 TILTED = 1.0  # degrees
 UNLIKE = 100.0  # masses of two bodies that differ as much are told
@@ -100,32 +98,21 @@ def draw(scene: Scene, axes: Axes) -> None:
         >>> axes.get_xlabel()
         'x [mm]'
     """
-    way, drawn = handle_way(scene), drawing_of(scene)
+    drawn = drawing_of(scene)
+    way = 1e3 * np.array(drawn.way)[:, :2]
     seen = _frame(axes, scene, way, drawn)
     _draw_kinds(axes, drawn)
     for shape in standing(drawn, (solid.pose for solid in drawn.solids)):
         paint(axes, shape)
-    _draw_ring(axes, drawn)
     _draw_velocities(axes, scene)
     _draw_joints(axes, scene.joints, drawn)
     _draw_belts(axes, scene)
     _draw_masses(axes, scene)
-    if np.ptp(way[:, :2], axis=0).any():
-        axes.plot(*(1e3 * way[:, :2].T), ":", color=HANDLE, linewidth=1.8, zorder=5, label="way of the handle")
+    if np.ptp(way, axis=0).any():
+        axes.plot(*way.T, ":", color=HANDLE, linewidth=1.8, zorder=5, label="way of the handle")
     axes.plot(*(1e3 * np.array(scene.tool.pose[:2])), "+", color=BLACK, markersize=9, zorder=6)
     _draw_goals(axes, scene)
     _draw_gravity(axes, scene, seen)
-
-
-def handle_way(scene: Scene) -> np.ndarray:
-    """Places (x, y, theta) of the suggested motion's hand, evenly in time."""
-    values = defaults(OPERATOR)
-    values |= {"motion.start": scene.tool.pose, "motion.target": scene.tool.pose}
-    motion = operator_hand.script(values | {f"motion.{key}": value for key, value in scene.motion.items()})
-    way = np.empty((POINTS, 3))
-    for place, time in zip(way, np.linspace(0.0, float(motion["duration"][0]), POINTS), strict=True):
-        operator_hand.target_at(motion[0], time, place)
-    return way
 
 
 def paint(axes: Axes, shape: Shape, alpha: float = 0.75) -> None:
@@ -138,13 +125,13 @@ def paint(axes: Axes, shape: Shape, alpha: float = 0.75) -> None:
     elif shape.kind in MARKS:
         axes.plot(*place, MARKS[shape.kind], color=color, markersize=5, markerfacecolor="white", zorder=7)
     else:
-        size = 5.0 if shape.kind == "arrow" else 8.5
-        axes.plot(*place, "o", color=color, markersize=size, markeredgecolor=BLACK, markeredgewidth=0.7, zorder=9)
+        look = {"markersize": 5.0 if shape.kind == "arrow" else 8.5, "markeredgecolor": BLACK, "markeredgewidth": 0.7}
+        axes.add_artist(Line2D(*place[:, None], marker="o", color=color, zorder=9, **look))
         _paint_force(axes, place, shape.force, color)
 
 
 def _paint_solid(axes: Axes, solid: Shape, alpha: float) -> None:
-    color, width = COLOURS[solid.role], float(np.ptp(axes.get_xlim()))
+    color, width, ends = COLOURS[solid.role], float(np.ptp(axes.get_xlim())), []
     for outline in solid.outlines:
         places = 1e3 * np.array([turned(vertex, solid.pose) for vertex in outline.vertices])
         shape = patches.Circle(places[0], 1e3 * outline.radius) if outline.radius else patches.Polygon(places)
@@ -152,10 +139,14 @@ def _paint_solid(axes: Axes, solid: Shape, alpha: float) -> None:
         if 1e3 * thickness(outline) < THIN * width:
             around = [Stroke(linewidth=4.0, foreground=BLACK), Normal()]
             shape.set(edgecolor=color, linewidth=2.8, alpha=1.0, path_effects=around)
-        axes.add_patch(shape)
-    if solid.role == "tool":  # from its grip
-        middle = turned(np.mean(solid.outlines[0].vertices, axis=0).tolist(), solid.pose)
-        axes.plot(*(1e3 * np.array([solid.pose[:2], middle]).T), "-", color=BLACK, linewidth=1.5, zorder=0.7)
+        axes.add_artist(shape)  # add_patch takes as long as all else: it asks for limits, which are set
+        ends += [places.min(axis=0) - 1e3 * outline.radius, places.max(axis=0) + 1e3 * outline.radius]
+    if solid.role == "tool":
+        first = np.mean(solid.outlines[0].vertices, axis=0).tolist()
+        grip = 1e3 * np.array([solid.pose[:2], turned(first, solid.pose)])
+        axes.plot(*grip.T, "-", color=BLACK, linewidth=1.5, zorder=0.7)
+        if np.ptp(ends, axis=0).max() < SPECK * width:
+            axes.plot(*grip[0], "o", color=color, markersize=24, markeredgewidth=2.0, fillstyle="none", zorder=7)
 
 
 def _paint_line(axes: Axes, shape: Shape) -> None:
@@ -164,13 +155,9 @@ def _paint_line(axes: Axes, shape: Shape) -> None:
     along, sprung = end - start, shape.kind == "spring"
     teeth = TEETH * (1.0, 0.08) if sprung else np.array([[0.0, 0.0], [1.0, 0.0]])
     line = start + teeth @ np.array([along, [-along[1], along[0]]])
-    look: dict[str, Any] = {
-        "color": COLOURS[shape.role],
-        "zorder": 6,
-        "linewidth": 1.2 if shape.role == "spring" else 2.5,
-    }
-    ends: dict[str, Any] = {"marker": MARKS["spring"], "markerfacecolor": "white", "markeredgecolor": BLACK}
-    axes.plot(*line.T, "-" if sprung else "--", **look, **ends, markersize=5, markevery=[0, -1])
+    width = 1.2 if shape.role == "spring" else 2.5
+    axes.plot(*line.T, "-" if sprung else "--", color=COLOURS[shape.role], linewidth=width, zorder=6)
+    axes.plot(*line[[0, -1]].T, MARKS["spring"], color=BLACK, markersize=5, markerfacecolor="white", zorder=7)
 
 
 def _paint_force(axes: Axes, place: np.ndarray, force: Point, color: str) -> None:
@@ -180,16 +167,6 @@ def _paint_force(axes: Axes, place: np.ndarray, force: Point, color: str) -> Non
         tip = PER_NEWTON * min(1.0, LONGEST / size) * np.array(force)
         arrow = {"arrowstyle": "<|-", "shrinkA": 0.0, "shrinkB": 0.0, "color": color, "linewidth": 2.0}
         axes.annotate("", place, xytext=tip, textcoords="offset points", arrowprops=arrow, zorder=8)
-
-
-def _draw_ring(axes: Axes, drawn: Drawing) -> None:
-    """Round a tool that is a speck."""
-    tool, width = drawn.solids[0], float(np.ptp(axes.get_xlim()))
-    vertices = np.array([vertex for outline in tool.outlines for vertex in outline.vertices])
-    across = np.ptp(vertices, axis=0).max() + 2.0 * max(outline.radius for outline in tool.outlines)
-    if 1e3 * across < SPECK * width:
-        look: dict[str, Any] = {"color": COLOURS["tool"], "markersize": 24, "markeredgewidth": 2.0, "fillstyle": "none"}
-        axes.plot(*(1e3 * np.array(tool.pose[:2])), "o", zorder=7, **look)
 
 
 def _draw_kinds(axes: Axes, drawn: Drawing) -> None:
@@ -342,7 +319,7 @@ def _frame(axes: Axes, scene: Scene, way: np.ndarray, drawn: Drawing) -> np.ndar
     goals = [end for measure in scene.measure.values() for end in _goal(scene, measure)]
     poses = {solid.name: solid.pose for solid in drawn.solids}
     ends = [mark.place(poses) for marks in drawn.joints for mark in marks]
-    seen = 1e3 * np.array([*corners(scene), *feet, *way[:, :2], *goals, *ends])
+    seen = np.array([*(1e3 * np.array([*corners(scene), *feet, *goals, *ends])), *way])
     low, high = seen.min(axis=0), seen.max(axis=0)
     center, half = (low + high) / 2.0, 0.56 * max(*(high - low), 1.0)
     (left, bottom), (right, top) = center - half, center + half

@@ -122,7 +122,7 @@ def happenings(frame: dict[str, Any]) -> Iterator[Shape]:
     if frame["target"]:
         yield Shape("ring", "target", 0, tuple(frame["target"]))
     if handle and tool and frame["coupled"]:
-        yield Shape("line", "coupling", 0, NOWHERE, points=(tuple(handle[:2]), tuple(tool[:2])))
+        yield Shape("spring", "coupling", 0, NOWHERE, points=(tuple(handle[:2]), tuple(tool[:2])))
     for number, (_, _, x, y, _, _, fx, fy, *_) in enumerate(frame["contacts"]):
         yield Shape("arrow", "contact", number, (x, y, 0.0), force=(fx, fy))
     if handle and force:
