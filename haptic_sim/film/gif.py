@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from haptic_device.analysis import palette
 from haptic_device.os_errors import naming
 from haptic_sim.film.reading import Film
-from haptic_sim.scene.draw import paint
 from haptic_sim.scene.drawing import shapes_of
+from haptic_sim.scene.paint import paint
 
 PERIOD = 0.08  # [s] of a picture, a whole number of the format's hundredths
 SECONDS = 5.76  # at most, unless more is asked for

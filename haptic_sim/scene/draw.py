@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
 """Picture of a scene at its start: bodies, joints, the tool, what is measured and the way suggested for the handle.
-`paint` draws the shapes of a scene's film too.
 
 Zigzags and spirals are springs, arrows with a speed are motors, belts and what moves at the start.
 """
@@ -12,34 +11,25 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib import patches
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.path import Path
-from matplotlib.patheffects import Normal, Stroke, withStroke
+from matplotlib.patheffects import withStroke
 from matplotlib.transforms import Affine2D
 
-from haptic_device.analysis import palette
-from haptic_device.analysis.palette import BLACK, COUPLING, FIXED, FORCE, HANDLE, MOVING, TARGET
+from haptic_device.analysis.palette import BLACK, FORCE, HANDLE, TARGET
 from haptic_device.os_errors import naming
-from haptic_sim.scene.drawing import Drawing, Shape, corners, drawing_of, standing
-from haptic_sim.scene.geometry import Point, thickness, turned
+from haptic_sim.scene.drawing import Drawing, corners, drawing_of, standing
+from haptic_sim.scene.geometry import Point, turned
 from haptic_sim.scene.joints import AnyJoint, Slider
 from haptic_sim.scene.language import Measure, Scene
+from haptic_sim.scene.paint import COLOURS, SPRUNG, TEETH, paint
 from haptic_sim.scene.shapes import Body, HalfPlane, Tool
 
-DRIVEN, SPRUNG = FORCE, COUPLING
-ROLES = ("wall", "fixed", "moving", "tool", "coupling", "contact", "force", "handle")  # what is over what
-COLOURS = {role: getattr(palette, role.upper()) for role in ROLES} | {"spring": SPRUNG, "joint": BLACK}
-PER_NEWTON, LONGEST = 4.3, 100.0  # points of an arrow
-MARKS = {"pin": "o", "slider": "s", "weld": "X", "spring": "."}
+DRIVEN = FORCE
 LINE = 50  # letters of the title in a line
-THIN, SPECK = 0.012, 0.05  # of the picture's width: drawn thicker, drawn with a ring
 TILTED = 1.0  # degrees
 UNLIKE = 100.0  # masses of two bodies that differ as much are told
-TEETH = np.array([[0.0, 0.0], *([k / 12.0, 0.5 * (-1) ** k] for k in range(2, 11)), [1.0, 0.0]])
-"""A zigzag from 0 to 1 along x, its width 1."""
 ZIGZAG = Path(TEETH * (2.0, 0.6) - (1.0, 0.6))
 _TURN = np.linspace(0.0, 1.0, 60)[:, None] * (1.0, 5.0 * math.pi)
 SPIRAL = Path(_TURN[:, :1] * np.column_stack([np.cos(_TURN[:, 1]), np.sin(_TURN[:, 1])]))
@@ -115,66 +105,12 @@ def draw(scene: Scene, axes: Axes) -> None:
     _draw_gravity(axes, scene, seen)
 
 
-def paint(axes: Axes, shape: Shape, alpha: float = 0.75) -> None:
-    """Draws a shape into axes of matplotlib, in mm, whose limits are set; alpha: of solids."""
-    place, color = 1e3 * np.array(shape.pose[:2]), COLOURS[shape.role]
-    if shape.kind == "solid":
-        _paint_solid(axes, shape, alpha)
-    elif shape.points:
-        _paint_line(axes, shape)
-    elif shape.kind in MARKS:
-        axes.plot(*place, MARKS[shape.kind], color=color, markersize=5, markerfacecolor="white", zorder=7)
-    else:
-        look = {"markersize": 5.0 if shape.kind == "arrow" else 8.5, "markeredgecolor": BLACK, "markeredgewidth": 0.7}
-        axes.add_artist(Line2D(*place[:, None], marker="o", color=color, zorder=9, **look))
-        _paint_force(axes, place, shape.force, color)
-
-
-def _paint_solid(axes: Axes, solid: Shape, alpha: float) -> None:
-    color, width, ends = COLOURS[solid.role], float(np.ptp(axes.get_xlim())), []
-    for outline in solid.outlines:
-        places = 1e3 * np.array([turned(vertex, solid.pose) for vertex in outline.vertices])
-        shape = patches.Circle(places[0], 1e3 * outline.radius) if outline.radius else patches.Polygon(places)
-        shape.set(facecolor=color, edgecolor=BLACK, linewidth=0.6, alpha=alpha, zorder=ROLES.index(solid.role) / 4)
-        if 1e3 * thickness(outline) < THIN * width:
-            around = [Stroke(linewidth=4.0, foreground=BLACK), Normal()]
-            shape.set(edgecolor=color, linewidth=2.8, alpha=1.0, path_effects=around)
-        axes.add_artist(shape)  # add_patch takes as long as all else: it asks for limits, which are set
-        ends += [places.min(axis=0) - 1e3 * outline.radius, places.max(axis=0) + 1e3 * outline.radius]
-    if solid.role == "tool":
-        first = np.mean(solid.outlines[0].vertices, axis=0).tolist()
-        grip = 1e3 * np.array([solid.pose[:2], turned(first, solid.pose)])
-        axes.plot(*grip.T, "-", color=BLACK, linewidth=1.5, zorder=0.7)
-        if np.ptp(ends, axis=0).max() < SPECK * width:
-            axes.plot(*grip[0], "o", color=color, markersize=24, markeredgewidth=2.0, fillstyle="none", zorder=7)
-
-
-def _paint_line(axes: Axes, shape: Shape) -> None:
-    """A zigzag for a spring, else dashes."""
-    start, end = 1e3 * np.array(shape.points)
-    along, sprung = end - start, shape.kind == "spring"
-    teeth = TEETH * (1.0, 0.08) if sprung else np.array([[0.0, 0.0], [1.0, 0.0]])
-    line = start + teeth @ np.array([along, [-along[1], along[0]]])
-    width = 1.2 if shape.role == "spring" else 2.5
-    axes.plot(*line.T, "-" if sprung else "--", color=COLOURS[shape.role], linewidth=width, zorder=6)
-    axes.plot(*line[[0, -1]].T, MARKS["spring"], color=BLACK, markersize=5, markerfacecolor="white", zorder=7)
-
-
-def _paint_force(axes: Axes, place: np.ndarray, force: Point, color: str) -> None:
-    """An arrow as long as the force [N]; none for one too small to see, or that is no number."""
-    size = PER_NEWTON * math.hypot(*force)
-    if size > 1.0:
-        tip = PER_NEWTON * min(1.0, LONGEST / size) * np.array(force)
-        arrow = {"arrowstyle": "<|-", "shrinkA": 0.0, "shrinkB": 0.0, "color": color, "linewidth": 2.0}
-        axes.annotate("", place, xytext=tip, textcoords="offset points", arrowprops=arrow, zorder=8)
-
-
 def _draw_kinds(axes: Axes, drawn: Drawing) -> None:
     """What the colours of the solids say, for the legend."""
     kinds = {
-        "tool": (palette.TOOL, True),
-        "can move": (MOVING, any(not solid.fixed for solid in drawn.solids[1:])),
-        "fixed": (FIXED, any(solid.fixed for solid in drawn.solids)),
+        "tool": (COLOURS["tool"], True),
+        "can move": (COLOURS["moving"], any(not solid.fixed for solid in drawn.solids[1:])),
+        "fixed": (COLOURS["fixed"], any(solid.fixed for solid in drawn.solids)),
     }
     for kind, (color, there) in kinds.items():
         if there:

@@ -16,9 +16,10 @@ from haptic_sim import verify
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.explain import explain
 from haptic_sim.reduction.measured import KEPT, Measured, of_scene, read, write
-from haptic_sim.scene.draw import DRIVEN, SPRUNG, draw
+from haptic_sim.scene.draw import DRIVEN, draw
 from haptic_sim.scene.drawing import drawing_of
 from haptic_sim.scene.language import load, parse
+from haptic_sim.scene.paint import SPRUNG
 
 LIBRARY = "wall corner peg_in_hole wrench_on_nut push_block slider four_bar pendulum stack hammer_nail ratchet"
 PNG = b"\x89PNG\r\n\x1a\n"
