@@ -3,6 +3,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,7 @@ from haptic_sim.scene.drawing import shapes_of
 from haptic_sim.scene.paint import paint
 
 PERIOD = 0.08  # [s] of a picture, a whole number of the format's hundredths
+RATE: Any = 1.0 / PERIOD  # matplotlib takes fractions too, but says that it does not
 SECONDS = 5.76  # at most, unless more is asked for
 BEFORE = 1.0  # [s] that are shown before the first contact
 SIZE, DPI = (4.8, 3.6), 100  # inches
@@ -23,11 +25,13 @@ SIDES = np.array([-1.0, 1.0])
 
 
 class _Writer(PillowWriter):
+    _frames: list[Any]
+
     def finish(self) -> None:
         """One palette for all pictures, of that with most colours: a file half as large, in half the time."""
         richest = max(self._frames, key=lambda frame: len(frame.getcolors(frame.width * frame.height)))
-        palette = richest.quantize()
-        self._frames = [frame.quantize(palette=palette, dither=0) for frame in self._frames]
+        colours = richest.quantize()
+        self._frames = [frame.quantize(palette=colours, dither=0) for frame in self._frames]
         super().finish()
 
 
@@ -43,7 +47,7 @@ def pictures_of(film: Film, seconds: float = SECONDS) -> npt.NDArray[np.intp]:
 
 def write_gif(film: Film, path: Path, seconds: float = SECONDS) -> None:
     """Writes at most so many seconds of it, in real time and over and over."""
-    figure, writer = Figure(SIZE, facecolor=palette.GROUND), _Writer(1 / PERIOD)
+    figure, writer = Figure(SIZE, facecolor=palette.GROUND), _Writer(RATE)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), aspect="equal")
     low, high = np.reshape(film.room, (2, 2)) * 1e3
     half = np.max((high - low) / SIZE) / 2.0 * np.array(SIZE)

@@ -2,6 +2,7 @@
 """Draws the shapes of a scene with matplotlib: for its picture, and for each picture of its film."""
 
 import math
+from typing import Any
 
 import numpy as np
 from matplotlib import patches
@@ -34,7 +35,11 @@ def paint(axes: Axes, shape: Shape, alpha: float = 0.75) -> None:
     elif shape.kind in MARKS:
         axes.plot(*place, MARKS[shape.kind], color=color, markersize=5, markerfacecolor="white", zorder=7)
     else:
-        look = {"markersize": 5.0 if shape.kind == "arrow" else 8.5, "markeredgecolor": BLACK, "markeredgewidth": 0.7}
+        look: dict[str, Any] = {
+            "markersize": 5.0 if shape.kind == "arrow" else 8.5,
+            "markeredgecolor": BLACK,
+            "markeredgewidth": 0.7,
+        }
         axes.add_artist(Line2D(*place[:, None], marker="o", color=color, zorder=9, **look))
         _paint_force(axes, place, shape.force, color)
 
@@ -73,6 +78,7 @@ def _paint_force(axes: Axes, place: np.ndarray, force: Point, color: str) -> Non
     """An arrow as long as the force [N]; none for one too small to see, or that is no number."""
     size = PER_NEWTON * math.hypot(*force)
     if size > 1.0:
-        tip = PER_NEWTON * min(1.0, LONGEST / size) * np.array(force)
+        longer = PER_NEWTON * min(1.0, LONGEST / size)
+        (x, y), tip = place.tolist(), (longer * force[0], longer * force[1])
         arrow = {"arrowstyle": "<|-", "shrinkA": 0.0, "shrinkB": 0.0, "color": color, "linewidth": 2.0}
-        axes.annotate("", place, xytext=tip, textcoords="offset points", arrowprops=arrow, zorder=8)
+        axes.annotate("", (x, y), xytext=tip, textcoords="offset points", arrowprops=arrow, zorder=8)
