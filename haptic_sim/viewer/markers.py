@@ -31,12 +31,8 @@ COLOURS = {
     "wall": (0.0, 0.45, 0.70, 0.25),
     "workspace": (0.34, 0.36, 0.40, 1.0),
 }
-GROUPS = dict.fromkeys(("tool", "moving", "fixed"), "bodies") | {
-    "joint": "joints",
-    "spring": "springs",
-    "wall": "walls",
-    "contact": "contacts",
-}
+GROUPS = dict.fromkeys(("tool", "moving", "fixed"), "bodies")
+GROUPS |= {role: f"{role}s" for role in ("joint", "spring", "wall", "contact")}
 Point = tuple[float, float, float]
 
 
