@@ -99,7 +99,6 @@ setup(
         "mcap>=1.6",
         "numba>=0.68",
         "numpy>=1.26",
-        "pillow>=10.1",
         "psutil>=5.9",
         "pydantic>=2",
         "pymunk>=7",

@@ -22,24 +22,28 @@ UNITS = {"length": 1e-5, "angle": 1e-4, "curve": 1e-2}  # one step of the number
 FARTHEST = 1e9  # steps beyond which nothing is shown
 _IMPORT = re.compile(r'^import \{([^}]*)\} from "\./([\w.]+)";\n', re.M)
 _EXPORT = re.compile(r"^export (?=(?:async )?(?:function|class|const) (\w+))", re.M)
-_THEMES = re.compile(r"^:root[^{]*\{[^}]*\}$", re.M)
+_STYLE = re.compile(r'<link rel="stylesheet" href="([\w.]+)">')
+_FETCHED = re.compile(r'<title>.*</title>\n|<link .*>\n|<script .*</script>\n| href="operating_point.yaml"')
 
 
 def page_of(films: list[Film]) -> str:
     """The text of film.html, of one film, or of two."""
-    style = "\n".join([*_THEMES.findall(_text("style.css")), _text("film.css")])
-    script = "".join(_modules("film.js", set()))
-    shown = [_title(film) for film in films]
+    page = _text("index.html")
+    style = "".join(_text(name) for name in ("film.css", *_STYLE.findall(page)))
+    script = "".join(_modules("main.js", set()))
+    title = html.escape("Film: " + " and ".join(dict.fromkeys(map(_title, films))))
+    policy = f"default-src 'none'; base-uri 'none'; form-action 'none'; script-src {_digest(script)}; "
+    policy += f"style-src {_digest(style)}"
+    head = f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n<title>{title}</title>\n'
+    data = f'<script type="application/json" id="films">{_harmless([_content(film) for film in films])}</script>'
     parts = {
-        "policy": "default-src 'none'; img-src data:; base-uri 'none'; form-action 'none'; "
-        f"script-src {_digest(script)}; style-src {_digest(style)}",
-        "title": html.escape(" and ".join(dict.fromkeys(shown))),
-        "data": _harmless([_content(film) for film in films]),
+        "</head>": f"{head}<style>{style}</style>\n</head>",
+        "<body>": '<body class="film">',
+        "<h1>haptic_display</h1>": f"<h1>{title}</h1>",
+        '<section id="strips"': _text("film.html") + '<section id="strips"',
+        "</body>": f"{data}\n<script>{script}</script>\n</body>",
     }
-    text = re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], _text("film.html"))  # before what is code
-    return text.replace("<style></style>", f"<style>{style}</style>").replace(
-        "<script></script>", f"<script>{script}</script>"
-    )
+    return re.sub("|".join(map(re.escape, parts)), lambda found: parts[found[0]], _FETCHED.sub("", page))
 
 
 def _title(film: Film) -> str:
@@ -81,7 +85,7 @@ def _content(film: Film) -> dict[str, Any]:
     steps = np.array([UNITS["length"], UNITS["length"], UNITS["angle"]])
     return {
         "name": film.name,
-        "scene": asdict(film.scene) | {"sprung": film.sprung} if film.scene else None,
+        "scene": asdict(film.scene) if film.scene else None,
         "date": film.date,
         "facts": film.facts,
         "notes": film.notes,

@@ -19,7 +19,7 @@ from haptic_device.recording.reader import Collector, Keep, read
 from haptic_sim.film.clock import Array, Clock
 from haptic_sim.film.curves import AXES, HANDLE, coupling_holds, curves_of, force_on_hand
 from haptic_sim.scene.drawing import Drawing, drawing_of
-from haptic_sim.scene.geometry import Outline, Vertices
+from haptic_sim.scene.geometry import Outline, Pose, Vertices
 from haptic_sim.scene.language import Scene, parse
 from haptic_sim.scene.shapes import TOOL
 
@@ -34,7 +34,7 @@ class Film(NamedTuple):
     each moving body. curves: (pictures,) of motor, felt [N], stretch [mm], given, supplied [mJ], age, oldest [ms].
     force: (pictures, 2) on the hand [N]. coupled: whether the coupling held. contacts: (picture, x, y [m], force x,
     force y [N]). marks: (time [s], text). first_contact [s]: None without one. room: left, bottom, right, top [m].
-    walls: of the servo, as (normal x, normal y, offset [m]). sprung: whether each joint of the scene has a spring.
+    walls: of the servo, as (normal x, normal y, offset [m]).
     """
 
     name: str
@@ -53,12 +53,32 @@ class Film(NamedTuple):
     first_contact: float | None
     room: tuple[float, float, float, float]
     walls: list[tuple[float, float, float]]
-    sprung: tuple[bool, ...] = ()
 
     @property
     def pictures(self) -> int:
         """How many pictures."""
         return len(self.coupled)
+
+    def frame(self, number: int) -> dict[str, Any]:
+        """One picture, as `shapes_of` takes it."""
+        known = np.isfinite(self.force[number]).all()
+        there = {name: _known(place[number]) for name, place in self.places.items()}
+        solids = self.scene.solids[1:] if self.scene else ()
+        return {
+            "handle": there[HANDLE],
+            "tool": there[TOOL],
+            "target": None,
+            "bodies": [solid.pose if solid.fixed else there.get(solid.name) for solid in solids],
+            "coupled": bool(self.coupled[number]),
+            "contacts": [(0.0, 0.0, x, y, 0.0, 0.0, *force) for at, x, y, *force in self.contacts if at == number],
+            "felt": self.force[number].tolist() if known else None,
+            "force": None,
+        }
+
+
+def _known(place: Array) -> Pose | None:
+    x, y, angle = place.tolist()
+    return (x, y, angle) if math.isfinite(x + y + angle) else None
 
 
 def film_of(run: Run) -> Film:
@@ -90,7 +110,6 @@ def film_of(run: Run) -> Film:
         _first_contact(run),
         room_of(places, drawing),
         _walls(run),
-        tuple(joint.spring(0.0)[0] > 0.0 for joint in scene.joints) if scene else (),
     )
 
 

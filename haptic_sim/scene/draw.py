@@ -11,33 +11,25 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib import patches
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.path import Path
-from matplotlib.patheffects import Normal, Stroke, withStroke
+from matplotlib.patheffects import withStroke
 from matplotlib.transforms import Affine2D
 
-from haptic_device.analysis.palette import BLACK, COUPLING, FIXED, FORCE, HANDLE, MOVING, TARGET
-from haptic_device.analysis.palette import TOOL as HELD
-from haptic_device.device import operator_hand
+from haptic_device.analysis.palette import BLACK, FORCE, HANDLE, TARGET
 from haptic_device.os_errors import naming
-from haptic_device.parameter_types import defaults
-from haptic_device.parameters import OPERATOR
-from haptic_sim.scene.drawing import Drawing, Solid, corners, drawing_of
-from haptic_sim.scene.geometry import Point, thickness, turned
+from haptic_sim.scene.drawing import Drawing, corners, drawing_of, standing
+from haptic_sim.scene.geometry import Point, turned
 from haptic_sim.scene.joints import AnyJoint, Slider
 from haptic_sim.scene.language import Measure, Scene
-from haptic_sim.scene.shapes import TOOL, Body, HalfPlane, Tool
+from haptic_sim.scene.paint import COLOURS, SPRUNG, TEETH, paint
+from haptic_sim.scene.shapes import Body, HalfPlane, Tool
 
-DRIVEN, SPRUNG = FORCE, COUPLING
-MARKS = {"pin": "o", "slider": "s", "weld": "X", "spring": "."}
-POINTS, LINE = 200, 50  # of the handle's way; letters of the title in a line
-THIN, SPECK = 0.012, 0.05  # of the picture's width: drawn thicker, drawn with a ring
+DRIVEN = FORCE
+LINE = 50  # letters of the title in a line
 TILTED = 1.0  # degrees
 UNLIKE = 100.0  # masses of two bodies that differ as much are told
-TEETH = np.array([[0.0, 0.0], *([k / 12.0, 0.5 * (-1) ** k] for k in range(2, 11)), [1.0, 0.0]])
-"""A zigzag from 0 to 1 along x, its width 1."""
 ZIGZAG = Path(TEETH * (2.0, 0.6) - (1.0, 0.6))
 _TURN = np.linspace(0.0, 1.0, 60)[:, None] * (1.0, 5.0 * math.pi)
 SPIRAL = Path(_TURN[:, :1] * np.column_stack([np.cos(_TURN[:, 1]), np.sin(_TURN[:, 1])]))
@@ -96,56 +88,29 @@ def draw(scene: Scene, axes: Axes) -> None:
         >>> axes.get_xlabel()
         'x [mm]'
     """
-    way, drawn = handle_way(scene), drawing_of(scene)
+    drawn = drawing_of(scene)
+    way = 1e3 * np.array(drawn.way)[:, :2]
     seen = _frame(axes, scene, way, drawn)
     _draw_kinds(axes, drawn)
-    for solid in (*drawn.solids[1:], drawn.solids[0]):
-        _draw_solid(axes, solid)
+    for shape in standing(drawn, (solid.pose for solid in drawn.solids)):
+        paint(axes, shape)
     _draw_velocities(axes, scene)
     _draw_joints(axes, scene.joints, drawn)
     _draw_belts(axes, scene)
     _draw_masses(axes, scene)
-    if np.ptp(way[:, :2], axis=0).any():
-        axes.plot(*(1e3 * way[:, :2].T), ":", color=HANDLE, linewidth=1.8, zorder=5, label="way of the handle")
+    if np.ptp(way, axis=0).any():
+        axes.plot(*way.T, ":", color=HANDLE, linewidth=1.8, zorder=5, label="way of the handle")
     axes.plot(*(1e3 * np.array(scene.tool.pose[:2])), "+", color=BLACK, markersize=9, zorder=6)
     _draw_goals(axes, scene)
     _draw_gravity(axes, scene, seen)
 
 
-def handle_way(scene: Scene) -> np.ndarray:
-    """Places (x, y, theta) of the suggested motion's hand, evenly in time."""
-    values = defaults(OPERATOR)
-    values |= {"motion.start": scene.tool.pose, "motion.target": scene.tool.pose}
-    motion = operator_hand.script(values | {f"motion.{key}": value for key, value in scene.motion.items()})
-    way = np.empty((POINTS, 3))
-    for place, time in zip(way, np.linspace(0.0, float(motion["duration"][0]), POINTS), strict=True):
-        operator_hand.target_at(motion[0], time, place)
-    return way
-
-
-def _draw_solid(axes: Axes, solid: Solid) -> None:
-    color = HELD if solid.name == TOOL else FIXED if solid.fixed else MOVING
-    width, ends = float(np.ptp(axes.get_xlim())), []
-    for outline in solid.outlines:
-        places = 1e3 * np.array([turned(vertex, solid.pose) for vertex in outline.vertices])
-        shape = patches.Circle(places[0], 1e3 * outline.radius) if outline.radius else patches.Polygon(places)
-        shape.set(facecolor=color, edgecolor=BLACK, linewidth=0.6, alpha=0.75)
-        if 1e3 * thickness(outline) < THIN * width:
-            around = [Stroke(linewidth=4.0, foreground=BLACK), Normal()]
-            shape.set(edgecolor=color, linewidth=2.8, alpha=1.0, path_effects=around)
-        axes.add_patch(shape)
-        ends += [places.min(axis=0) - 1e3 * outline.radius, places.max(axis=0) + 1e3 * outline.radius]
-    if solid.name == TOOL and np.ptp(ends, axis=0).max() < SPECK * width:
-        x, y, _ = solid.pose
-        axes.plot(1e3 * x, 1e3 * y, "o", color=HELD, markersize=24, markeredgewidth=2.0, fillstyle="none", zorder=7)
-
-
 def _draw_kinds(axes: Axes, drawn: Drawing) -> None:
     """What the colours of the solids say, for the legend."""
     kinds = {
-        "tool": (HELD, True),
-        "can move": (MOVING, any(not solid.fixed for solid in drawn.solids[1:])),
-        "fixed": (FIXED, any(solid.fixed for solid in drawn.solids)),
+        "tool": (COLOURS["tool"], True),
+        "can move": (COLOURS["moving"], any(not solid.fixed for solid in drawn.solids[1:])),
+        "fixed": (COLOURS["fixed"], any(solid.fixed for solid in drawn.solids)),
     }
     for kind, (color, there) in kinds.items():
         if there:
@@ -274,20 +239,14 @@ def _mark(axes: Axes, place: np.ndarray, shape: Path, color: str, size: float) -
 
 
 def _draw_joints(axes: Axes, joints: Sequence[AnyJoint], drawn: Drawing) -> None:
+    """What drives the joints, and how far sliders go."""
     poses = {solid.name: solid.pose for solid in drawn.solids}
     for joint, marks in zip(joints, drawn.joints, strict=True):
-        ends = 1e3 * np.array([mark.place(poses) for mark in marks])
-        look: dict[str, Any] = {"marker": MARKS[joint.type], "markersize": 5, "markerfacecolor": "white"}
-        axes.plot(*ends.T, color="black", linestyle="", zorder=7, **look)
-        if joint.type == "spring":
-            along = ends[1] - ends[0]
-            teeth = TEETH * (1.0, 0.08) if joint.stiffness else np.array([[0.0, 0.0], [1.0, 0.0]])
-            line = ends[0] + teeth @ np.array([along, [-along[1], along[0]]])
-            axes.plot(*line.T, "-" if joint.stiffness else "--", color=SPRUNG, linewidth=1.2, zorder=6)
-        _draw_drives(axes, joint, ends[0])
+        place = 1e3 * np.array(marks[0].place(poses))
+        _draw_drives(axes, joint, place)
         if isinstance(joint, Slider) and joint.limits:
             way = np.outer(joint.limits, joint.unit_axis)
-            axes.plot(*(ends[0] + 1e3 * way).T, "|-", color="black", linewidth=0.8, zorder=6)
+            axes.plot(*(place + 1e3 * way).T, "|-", color="black", linewidth=0.8, zorder=6)
 
 
 def _frame(axes: Axes, scene: Scene, way: np.ndarray, drawn: Drawing) -> np.ndarray:
@@ -296,7 +255,7 @@ def _frame(axes: Axes, scene: Scene, way: np.ndarray, drawn: Drawing) -> np.ndar
     goals = [end for measure in scene.measure.values() for end in _goal(scene, measure)]
     poses = {solid.name: solid.pose for solid in drawn.solids}
     ends = [mark.place(poses) for marks in drawn.joints for mark in marks]
-    seen = 1e3 * np.array([*corners(scene), *feet, *way[:, :2], *goals, *ends])
+    seen = np.array([*(1e3 * np.array([*corners(scene), *feet, *goals, *ends])), *way])
     low, high = seen.min(axis=0), seen.max(axis=0)
     center, half = (low + high) / 2.0, 0.56 * max(*(high - low), 1.0)
     (left, bottom), (right, top) = center - half, center + half

@@ -1,17 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene as what is drawn, for the picture, the page and markers alike: solids with outlines, joints with marks."""
+"""A scene and what happens in it as what is drawn, for pictures, films, the page and markers alike."""
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
-from haptic_sim.scene.geometry import Outline, Point, Pose, framed, turned
+from haptic_sim.scene.geometry import Outline, Point, Pose, framed, rectangle, turned
 from haptic_sim.scene.joints import WORLD, AnyJoint
 from haptic_sim.scene.language import Scene
 from haptic_sim.scene.motion import SECONDS, Place, seconds_of, way_of
 from haptic_sim.scene.shapes import TOOL, AnySolid
 
 MARGIN = 0.12  # share of the room left free on each side
+WALL_LENGTH, WALL_DEPTH = 2.0, 0.05  # m of a half-plane that is shown
+NOWHERE = (0.0, 0.0, 0.0)  # pose of what is given in the plane itself
+BAND = Outline(rectangle((WALL_DEPTH, WALL_LENGTH), (-WALL_DEPTH / 2.0, 0.0), 0.0))
 
 
 @dataclass(frozen=True)
@@ -42,7 +46,7 @@ class Drawing:
     """solids: the tool first, then the bodies in the order of the scene; joints: both ends of each; room: left, bottom,
     right, top [m] of everything that ends somewhere and of the tool on the suggested way, with a margin. task: what
     people do, as the scene has it, but for its way; way: places [m, m, rad] that it suggests, led through in so many
-    seconds."""
+    seconds. sprung: whether each joint has a spring."""
 
     name: str
     description: str
@@ -53,6 +57,21 @@ class Drawing:
     task: dict[str, Any] | None
     way: tuple[Place, ...]
     seconds: float
+    sprung: tuple[bool, ...]
+
+
+class Shape(NamedTuple):
+    """One thing that is drawn. kind: solid (outlines), line or spring (points), arrow (force [N]), ring, dot, or the
+    type of a joint that is held here. role: what a palette colours; number: which one of its role, tool and bodies
+    counted together. Outlines and points [m] are in the frame of the pose [m, m, rad]."""
+
+    kind: str
+    role: str
+    number: int
+    pose: Pose
+    outlines: tuple[Outline, ...] = ()
+    points: tuple[Point, ...] = ()
+    force: Point = (0.0, 0.0)
 
 
 def drawing_of(scene: Scene) -> Drawing:
@@ -62,8 +81,62 @@ def drawing_of(scene: Scene) -> Drawing:
     joints = tuple(_marks(joint, there | {WORLD: None}) for joint in scene.joints)
     task = scene.task.model_dump(exclude={"way", "seconds"}) if scene.task else None
     way, seconds = _shown_way(scene)
-    room = _room(scene, way)
-    return Drawing(scene.name, scene.description, solids, joints, room, tuple(scene.measure), task, way, seconds)
+    room, sprung = _room(scene, way), tuple(joint.spring(0.0)[0] > 0.0 for joint in scene.joints)
+    return Drawing(
+        scene.name, scene.description, solids, joints, room, tuple(scene.measure), task, way, seconds, sprung
+    )
+
+
+def standing(scene: Drawing, poses: Iterable[Pose | None]) -> Iterator[Shape]:
+    """Solids and joints, the solids at these poses, in their order; None: not known, left out with its joints."""
+    solids = [(number, *one) for number, one in enumerate(zip(scene.solids, poses, strict=True))]
+    known = {"": NOWHERE} | {solid.name: pose for _, solid, pose in solids if pose}
+    for number, solid, pose in solids:
+        if pose:
+            role = "fixed" if solid.fixed else "moving"
+            yield Shape("solid", role if number else "tool", number, pose, solid.outlines)
+    for number, ends in enumerate(scene.joints):
+        if all(mark.solid in known for mark in ends):
+            first, second = (mark.place(known) for mark in ends)
+            yield Shape(ends[0].type, "joint", number, (*first, known[ends[0].solid][2]))
+            if ends[0].type == "spring":
+                kind = "spring" if scene.sprung[number] else "line"
+                yield Shape(kind, "spring", number, NOWHERE, points=(first, second))
+
+
+def surroundings(walls: Iterable[tuple[float, float, float]], workspace: Any = None) -> Iterator[Shape]:
+    """The servo's walls, (normal x, normal y, offset [m]) each, and the device's workspace, (least, most) of x and y in
+    the plane [m]; None: not known."""
+    for number, (nx, ny, offset) in enumerate(walls):
+        yield Shape("solid", "wall", number, (nx * offset, ny * offset, math.atan2(ny, nx)), (BAND,))
+    if workspace:
+        (left, right), (bottom, top) = workspace[0], workspace[1] if len(workspace) > 1 else (0.0, 0.0)
+        corners = ((left, bottom), (right, bottom), (right, top), (left, top), (left, bottom))
+        yield Shape("line", "workspace", 0, NOWHERE, points=corners)
+
+
+def happenings(frame: dict[str, Any]) -> Iterator[Shape]:
+    """The hand's target, coupling, contacts, force on the hand and handle; what is not known is left out, and a
+    coupling that does not hold."""
+    handle, tool, force = frame["handle"], frame["tool"], frame["felt"] or frame["force"]
+    if frame["target"]:
+        yield Shape("ring", "target", 0, tuple(frame["target"]))
+    if handle and tool and frame["coupled"]:
+        yield Shape("spring", "coupling", 0, NOWHERE, points=(tuple(handle[:2]), tuple(tool[:2])))
+    for number, (_, _, x, y, _, _, fx, fy, *_) in enumerate(frame["contacts"]):
+        yield Shape("arrow", "contact", number, (x, y, 0.0), force=(fx, fy))
+    if handle and force:
+        yield Shape("arrow", "force", 0, tuple(handle), force=(force[0], force[1]))
+    if handle:
+        yield Shape("dot", "handle", 0, tuple(handle))
+
+
+def shapes_of(scene: Drawing | None, frame: dict[str, Any], walls: Any = (), workspace: Any = None) -> Iterator[Shape]:
+    """All that is known of a frame (`tool`, `bodies` and what `happenings` takes)."""
+    yield from surroundings(walls, workspace)
+    if scene and frame["tool"]:
+        yield from standing(scene, (frame["tool"], *frame["bodies"]))
+    yield from happenings(frame)
 
 
 def _shown_way(scene: Scene) -> tuple[tuple[Place, ...], float]:

@@ -53,7 +53,6 @@ class State:
         self._map = frame_id(client.node.get_namespace(), "map")
         self.scale = (1.0, 1.0)  # of the device: world metres per device metre, and radians
         self.scene: Drawing | None = None
-        self.sprung: list[bool] = []  # of the scene's joints: whether it has a spring
         self.scene_number = 0
         self.problem = ""
         self.truth: Truth | None = None
@@ -119,7 +118,6 @@ class State:
         try:
             scene = parse(json.loads(text), "scene")
             self.scene, self.problem = drawing_of(scene), ""
-            self.sprung = [joint.spring(0.0)[0] > 0.0 for joint in scene.joints]
             self._layout = JointLayout(state_names(scene), self._map)
         except (ValueError, RecursionError, SceneError) as error:
             self.scene, self._layout = None, None

@@ -188,7 +188,7 @@ class Viewer:
         self.server.tell("recordings", self.recordings.news())
 
     def _scene(self):
-        return asdict(self.state.scene) | {"sprung": self.state.sprung} if self.state.scene else None
+        return asdict(self.state.scene) if self.state.scene else None
 
     def _surroundings(self):
         """The servo's walls, and the device's workspace in the world; None where it is not known."""

@@ -90,8 +90,7 @@ class MadeUpViewer:
         tool, bodies = list(scene.tool.pose), [list(body.pose) for body in scene.bodies]
         at = {"handle": tool, "target": tool, "tool": tool, "bodies": bodies, "results": [0.0] * len(scene.measure)}
         self._frame = FRAME | at | changed
-        sprung = [joint.spring(0.0)[0] > 0.0 for joint in scene.joints]
-        self.tell("scene", asdict(drawing_of(scene)) | {"sprung": sprung})
+        self.tell("scene", asdict(drawing_of(scene)))
 
     def close(self):
         """No page is served any more."""

@@ -16,8 +16,10 @@ from haptic_sim import verify
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.explain import explain
 from haptic_sim.reduction.measured import KEPT, Measured, of_scene, read, write
-from haptic_sim.scene.draw import DRIVEN, SPRUNG, draw, handle_way
+from haptic_sim.scene.draw import DRIVEN, draw
+from haptic_sim.scene.drawing import drawing_of
 from haptic_sim.scene.language import load, parse
+from haptic_sim.scene.paint import SPRUNG
 
 LIBRARY = "wall corner peg_in_hole wrench_on_nut push_block slider four_bar pendulum stack hammer_nail ratchet"
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -116,7 +118,7 @@ def test_two_scene_files_of_one_name_get_two_pictures(tmp_path, monkeypatch):
 def test_every_scene_suggests_a_motion_and_its_picture_shows_the_whole_way_with_title_units_and_legend():
     for name in names("scenes"):
         scene = load(name)
-        axes, way = axes_of(scene), handle_way(scene)
+        axes, way = axes_of(scene), np.array(drawing_of(scene).way)
         assert way[0] == pytest.approx(scene.tool.pose, abs=1e-9)
         moving = [body.pose[:2] for body in scene.bodies if not body.fixed]
         assert inside(axes, 1e3 * np.array([scene.tool.pose[:2], *moving, *way[:, :2]])), name

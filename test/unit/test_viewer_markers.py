@@ -8,7 +8,7 @@ import pytest
 from fake_node import Node
 
 from haptic_device.nodes import marker_messages
-from haptic_sim.scene.drawing import drawing_of
+from haptic_sim.scene.drawing import WALL_DEPTH, WALL_LENGTH, drawing_of, happenings, standing, surroundings
 from haptic_sim.scene.geometry import Outline, combined, turned
 from haptic_sim.scene.language import load, parse
 from haptic_sim.viewer import markers, settings
@@ -32,6 +32,21 @@ FRAME = {
 }
 
 
+def marked(shapes, *roles):
+    """Markers of these shapes, or of those of them that have such a role."""
+    return [markers.marker(shape) for shape in shapes if not roles or shape.role in roles]
+
+
+def bodies(scene, *poses):
+    """Markers of tool and bodies at these poses."""
+    return marked(standing(scene, poses), "tool", "moving", "fixed")
+
+
+def joints(scene, *poses):
+    """Markers of joints and springs with tool and bodies at these poses."""
+    return marked(standing(scene, poses), "joint", "spring")
+
+
 def upper_area(triangles):
     """Area [m²] of the triangles that look along +z."""
     corners = np.array(triangles).reshape(-1, 3, 3)
@@ -42,7 +57,7 @@ def upper_area(triangles):
 def test_each_body_of_a_scene_is_a_marker_with_its_pose_and_its_area(name):
     scene = load(name)
     poses = [(0.001 * i, -0.002, 0.3 * i) for i in range(len(scene.bodies))]
-    found = markers.bodies(drawing_of(scene), (0.1, 0.2, 1.0), poses)
+    found = bodies(drawing_of(scene), (0.1, 0.2, 1.0), *poses)
     assert [marker.pose for marker in found] == [(0.1, 0.2, 1.0), *poses]
     for marker, solid in zip(found, (scene.tool, *scene.bodies), strict=True):
         discs = sum(math.pi * o.radius**2 for o in solid.outlines)
@@ -59,7 +74,7 @@ def test_the_faces_of_a_prism_close_it_for_each_edge_is_passed_once_in_either_se
 
 
 def test_arrows_start_where_the_force_acts_and_the_hands_target_is_a_ring_that_points_where_it_turns():
-    found = {marker.group: marker for marker in markers.happenings(FRAME)}
+    found = {marker.group: marker for marker in reversed(marked(happenings(FRAME)))}
     assert set(found) == {"target", "handle", "coupling", "force", "contacts"}
     for group, place, force in (("force", FRAME["handle"][:2], (3.0, -4.0)), ("contacts", (0.05, 0.06), (0.0, -2.0))):
         tail, tip = np.array(found[group].points)[:, :2]
@@ -79,7 +94,7 @@ def test_joints_are_marked_where_they_hold_also_when_their_bodies_have_moved(nam
     there = {body.name: body for body in scene.bodies} | {"tool": scene.tool, "world": None}
     for whole in ((0.0, 0.0, 0.0), (0.03, -0.02, 0.7)):
         moved = [(*turned(solid.pose[:2], whole), solid.pose[2] + whole[2]) for solid in drawn.solids]
-        found = markers.joints(drawn, moved[0], moved[1:])
+        found = joints(drawn, *moved)
         for marker, joint in zip(found, scene.joints, strict=True):
             place, _ = joint.places(*(there[body] for body in joint.bodies))
             expected = place if joint.bodies[0] == "world" else turned(place, whole)
@@ -89,31 +104,31 @@ def test_joints_are_marked_where_they_hold_also_when_their_bodies_have_moved(nam
 
 def test_a_spring_is_a_line_between_its_ends():
     scene = drawing_of(parse(SPRUNG, "sprung"))
-    _, spring = markers.joints(scene, (0.0, 0.0, 0.0), [(0.2, 0.1, math.pi / 2)])
+    _, spring = joints(scene, (0.0, 0.0, 0.0), (0.2, 0.1, math.pi / 2))
     assert (spring.group, spring.kind) == ("springs", "line")
     assert np.array(spring.points)[:, :2] == pytest.approx(np.array([(0.0, 0.05), (0.2, 0.11)]))
 
 
 def test_walls_of_the_servo_end_where_the_handle_is_free_within_the_line_of_the_workspace():
     driver = {"wall.normals": [0.0, 1.0, -0.6, 0.8], "wall.offsets": [-0.02, 0.05]}
-    *walls, line = markers.surroundings(settings.walls(driver), ((-0.1, 0.2), (-0.3, 0.4), (-1.0, 1.0)))
+    *walls, line = marked(surroundings(settings.walls(driver), ((-0.1, 0.2), (-0.3, 0.4), (-1.0, 1.0))))
     places = np.array(line.points)
     assert places[0].tolist() == places[-1].tolist() and len(walls) == 2
     assert (*places.min(0)[:2], *places.max(0)[:2]) == (-0.1, -0.3, 0.2, 0.4)
     for unknown in ({}, {"wall.normals": [], "wall.offsets": []}, {"wall.normals": [0.0, 1.0]}):
-        assert markers.surroundings(settings.walls(unknown), None) == []
+        assert list(surroundings(settings.walls(unknown), None)) == []
     for marker, normal, offset in zip(walls, ((0.0, 1.0), (-0.6, 0.8)), driver["wall.offsets"], strict=True):
         along = [np.dot(normal, turned(point[:2], marker.pose)) for point in marker.points]
-        assert (min(along), max(along)) == pytest.approx((offset - markers.WALL_DEPTH, offset))
-        assert upper_area(marker.points) == pytest.approx(markers.WALL_DEPTH * markers.WALL_LENGTH)
+        assert (min(along), max(along)) == pytest.approx((offset - WALL_DEPTH, offset))
+        assert upper_area(marker.points) == pytest.approx(WALL_DEPTH * WALL_LENGTH)
 
 
 def test_a_body_whose_place_is_not_known_is_left_out_with_its_joints():
     scene = drawing_of(load("four_bar"))
     poses = [solid.pose for solid in scene.solids]
     poses[1] = None  # the crank, which three joints hold on to
-    assert [marker.number for marker in markers.bodies(scene, poses[0], poses[1:])] == [0, *range(2, len(poses))]
-    assert [marker.number for marker in markers.joints(scene, poses[0], poses[1:])] == [2, 3]
+    assert [marker.number for marker in bodies(scene, *poses)] == [0, *range(2, len(poses))]
+    assert [marker.number for marker in joints(scene, *poses)] == [2, 3]
 
 
 GROUPS = {"bodies", "joints", "walls", "workspace", "target", "handle", "coupling", "force", "contacts"}
@@ -144,7 +159,7 @@ def test_the_topic_shows_everything_that_is_known_and_nothing_that_is_not(known,
 
 
 def test_the_message_carries_pose_points_and_colour():
-    [tool, *_] = markers.bodies(drawing_of(load("peg_in_hole")), (0.1, 0.2, 1.0), [(0.0, 0.0, 0.0)])
+    [tool, *_] = bodies(drawing_of(load("peg_in_hole")), (0.1, 0.2, 1.0), (0.0, 0.0, 0.0))
     [message] = marker_messages.markers(3_000_000_007, "haptic_world", [tool]).markers
     assert (message.header.frame_id, message.header.stamp.sec, message.header.stamp.nanosec) == ("haptic_world", 3, 7)
     assert (message.ns, message.id, message.type) == ("bodies", 0, message.TRIANGLE_LIST)

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The time of the film: played, scrubbed, stepped.
 
+import { byId, put } from "./element.js";
+
 const STEP = 0.5; // s for an arrow with Shift
 
 export class Player {
@@ -12,8 +14,9 @@ export class Player {
     byId("play").addEventListener("click", () => this.toggle());
     this.speeds = [...document.querySelectorAll("[data-speed]")];
     for (const button of this.speeds) button.addEventListener("click", () => this.setSpeed(Number(button.dataset.speed)));
-    document.addEventListener("keydown", (event) => this.press(event));
+    document.addEventListener("keydown", (event) => this.press(event), { capture: true });
     this.setSpeed(1);
+    this.toggle(false);
     this.go(begin);
   }
 
@@ -27,6 +30,7 @@ export class Player {
     this.playing = on;
     this.before = null;
     byId("play").textContent = on ? "Pause" : "Play";
+    put(byId("state"), on ? "playing" : "paused");
   }
 
   go(time) {
@@ -60,10 +64,7 @@ export class Player {
     }[event.key];
     if (!act) return;
     event.preventDefault();
+    event.stopPropagation(); // these lead no hand here
     act();
   }
-}
-
-function byId(id) {
-  return document.getElementById(id);
 }

@@ -4,9 +4,8 @@
 export class Recording {
   // shift [s]: from its own times, which are those of its report, to those of the page.
   constructor(film) {
-    const { length, angle, curve } = film.steps;
-    Object.assign(this, { name: film.name, date: film.date, facts: film.facts, notes: film.notes, marks: film.marks, walls: film.walls });
-    Object.assign(this, { rate: film.rate, count: film.count, room: film.room, scene: film.scene, contact: film.first_contact, shift: 0, first: film.begin });
+    const { begin, steps: { length, angle, curve }, ...rest } = film;
+    Object.assign(this, rest, { contact: rest.first_contact, shift: 0, first: begin });
     this.places = Object.fromEntries(Object.entries(film.places).map(([name, columns]) =>
       [name, columns.map((column, axis) => unpacked(column, axis < 2 ? length : angle))]));
     this.curves = Object.fromEntries(Object.entries(film.curves).map(([name, column]) => [name, unpacked(column, curve)]));
@@ -38,12 +37,12 @@ export class Recording {
     return picture === null ? null : this.curves[name]?.[picture] ?? null;
   }
 
-  // As the live page has it from the viewer.
+  // As the live page has it from the viewer; `known`: whether the recording has this time.
   frame(time) {
     const picture = this.at(time);
-    if (picture === null) return null;
     const place = (name) => together(this.places[name], picture);
     return {
+      known: picture !== null,
       handle: place("handle"),
       tool: place("tool"),
       target: null,
@@ -51,6 +50,8 @@ export class Recording {
       bodies: (this.scene?.solids ?? []).slice(1).map((solid) => (solid.fixed ? solid.pose : place(solid.name))),
       contacts: this.contacts.get(picture) ?? [],
       force: null,
+      energy: [null, null],
+      results: [],
       felt: together(this.force, picture),
     };
   }

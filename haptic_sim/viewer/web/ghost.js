@@ -1,26 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // The way that the scene suggests: a dashed line with an arrow, and the outline of the tool at its end.
 
-import { grip, outline, path } from "./pen.js";
+import { grip, outline, path, stroke } from "./pen.js";
 
 const HEAD = 11; // CSS pixels of the arrow
 
-export function paintWay(context, plane, { way, solids }, colour) {
+export function paintWay(context, view, { way, solids }) {
+  const { plane, colours } = view;
   if (way.length < 2) return;
-  const { ratio } = plane;
   const points = way.map((place) => plane.toPixels(place));
-  context.strokeStyle = context.fillStyle = colour;
-  context.lineWidth = 2 * ratio;
-  context.setLineDash([7 * ratio, 6 * ratio]);
-  context.beginPath();
-  points.forEach((point, i) => (i ? context.lineTo(...point) : context.moveTo(...point)));
-  context.stroke();
-  context.setLineDash([4 * ratio, 4 * ratio]);
-  context.lineWidth = 1.5 * ratio;
+  view.pen(context, colours.soft, 2, [7, 6]);
+  stroke(context, points);
+  view.pen(context, colours.soft, 1.5, [4, 4]);
   outline(context, plane, solids[0].outlines, way.at(-1));
   grip(context, plane, solids[0].outlines, way.at(-1));
-  context.setLineDash([]);
-  paintHead(context, points, HEAD * ratio);
+  context.fillStyle = colours.soft;
+  paintHead(context, points, HEAD * plane.ratio);
 }
 
 // At the end, along the last stretch that is long enough to have a direction.

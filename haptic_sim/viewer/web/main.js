@@ -60,6 +60,7 @@ const strips = new Strips([
   [byId("strip_force"), [{ label: "motor", colour: "force" }, { label: "felt", colour: "handle", dash: [5, 4] }], 1],
   [byId("strip_energy"), [{ label: "hand", colour: "handle" }, { label: "tool", colour: "tool", dash: [5, 4] }], 1],
   [byId("strip_age"), [{ label: "median", colour: "coupling" }, { label: "99 %", colour: "force", dash: [5, 4] }], 2],
+  [byId("strip_stretch"), [{ label: "stretch", colour: "coupling" }], 1],
 ], { pause: byId("pause"), closer: byId("closer"), wider: byId("wider") });
 
 loading(byId("load"), byId("load_file"), () => history.keepAll(), (sentence, done) => say(byId("tuning_answer"), sentence, done));
@@ -67,7 +68,7 @@ layered(byId("layer"));
 forgetWhenEdited();
 entitled(byId("state"));
 foldable(document.querySelector("aside"));
-if (matchMedia("(hover: none)").matches) byId("keys").textContent = BY_TOUCH;
+if (matchMedia("(hover: none)").matches && !link.recorded) byId("keys").textContent = BY_TOUCH;
 explain(byId("explained"), byId("about"), byId("keys"));
 dress(byId("theme"), () => [view, ...strips.strips].forEach((part) => part.recolour()));
 turning(byId("turn_left"), hand, 1);
@@ -96,6 +97,9 @@ function take(kind, content) {
   else if (kind === "leader") showLeader(content);
   else if (kind === "recordings") recording.show(content);
   else if (kind === "hint") hint(content);
+  else if (kind === "surroundings") view.setSurroundings(...content);
+  else if (kind === "curves") strips.show(content);
+  else if (kind === "time") strips.point(content);
   else if (kind === "answer") answered(content);
 }
 
@@ -193,7 +197,7 @@ function draw() {
   record(frame);
   count += 1;
   if (count % 4 === 0) showNumbers(frame); // quicker than that nobody reads
-  if (count % 3 === 0) strips.strips[(count / 3) % 3].draw();
+  if (count % 3 === 0 && !link.recorded) strips.strips[(count / 3) % 3].draw();
 }
 
 function record(frame) {
@@ -203,6 +207,7 @@ function record(frame) {
     [size(frame.force), size(frame.felt)],
     frame.energy.map((joule) => (joule === null ? null : 1e3 * joule)),
     driver ? [Number(driver.age_ms_p50), Number(driver.age_ms_p99)] : [null, null],
+    [stretch(frame)],
   ]);
   tone.set(size(frame.felt ?? frame.force) ?? 0);
 }

@@ -2,10 +2,17 @@
 // Strokes on a canvas, and points of frames in the plane.
 
 export function line(context, x1, y1, x2, y2) {
-  context.beginPath();
-  context.moveTo(x1, y1);
-  context.lineTo(x2, y2);
+  stroke(context, [[x1, y1], [x2, y2]]);
+}
+
+export function stroke(context, points) {
+  trail(context, points);
   context.stroke();
+}
+
+function trail(context, points) {
+  context.beginPath();
+  points.forEach((point, i) => (i ? context.lineTo(...point) : context.moveTo(...point)));
 }
 
 // A point of a frame at a pose, as a point of the plane.
@@ -14,9 +21,13 @@ export function placed([px, py], [x, y, theta]) {
   return [x + c * px - s * py, y + s * px + c * py];
 }
 
-export function path(context, corners) {
+export function circle(context, [x, y], r) {
   context.beginPath();
-  corners.forEach((corner, i) => (i ? context.lineTo(...corner) : context.moveTo(...corner)));
+  context.arc(x, y, r, 0, 2 * Math.PI);
+}
+
+export function path(context, corners) {
+  trail(context, corners);
   context.closePath();
 }
 
@@ -25,24 +36,20 @@ export function zigzag(context, [x1, y1], [x2, y2], width) {
   const length = Math.hypot(x2 - x1, y2 - y1);
   const [ux, uy] = [(x2 - x1) / length, (y2 - y1) / length];
   const teeth = width > 0 && length > 1 ? Math.min(200, Math.max(6, Math.round(length / width))) : 0;
-  context.beginPath();
-  context.moveTo(x1, y1);
+  const points = [[x1, y1]];
   for (let i = 1; i < teeth; i += 1) {
     const [along, side] = [(length * i) / teeth, i % 2 ? width : -width];
-    context.lineTo(x1 + ux * along - uy * side, y1 + uy * along + ux * side);
+    points.push([x1 + ux * along - uy * side, y1 + uy * along + ux * side]);
   }
-  context.lineTo(x2, y2);
-  context.stroke();
+  stroke(context, [...points, [x2, y2]]);
 }
 
 // A spring about a point.
 export function spiral(context, [x, y], width) {
-  context.beginPath();
-  for (let turn = 0; turn < 5 * Math.PI; turn += 0.3) {
-    const r = (width * turn) / (5 * Math.PI);
-    context.lineTo(x + r * Math.cos(turn), y - r * Math.sin(turn));
-  }
-  context.stroke();
+  stroke(context, Array.from({ length: 53 }, (_, i) => {
+    const [turn, r] = [0.3 * i, (width * 0.3 * i) / (5 * Math.PI)];
+    return [x + r * Math.cos(turn), y - r * Math.sin(turn)];
+  }));
 }
 
 // An outline of a solid at a pose, as a path; of a disc with the radius that shows how it is turned.

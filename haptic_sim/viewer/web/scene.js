@@ -2,7 +2,7 @@
 // Draws the scene: what stands still is painted once on a layer of its own, what moves with every frame.
 
 import { paintWay } from "./ghost.js";
-import { grip, line, path, placed, spiral, trace, zigzag } from "./pen.js";
+import { circle, grip, line, outline, path, placed, spiral, trace, zigzag } from "./pen.js";
 import { Plane } from "./plane.js";
 import { colours } from "./theme.js";
 
@@ -10,7 +10,7 @@ const PIXELS_PER_NEWTON = 6;
 const LONGEST_ARROW = 140;
 const AROUND = 0.01; // m that are seen around handle and tool
 const COLOURS = ["ground", "panel", "ink", "soft", "line", "grid", "handle", "tool", "fixed", "moving", "coupling",
-  "force", "contact", "target"];
+  "force", "contact", "target", "second"];
 
 export class SceneView {
   constructor(canvas) {
@@ -88,6 +88,7 @@ export class SceneView {
     if (frame.target) this.paintTarget(context, frame.target);
     if (frame.handle) this.paintHandle(context, frame);
     this.paintOutside(context, frame.handle);
+    if (frame.other) this.paintOther(context, frame.other);
   }
 
   // The last frame again, where the canvas or its colours have changed and no new one comes.
@@ -109,7 +110,20 @@ export class SceneView {
     for (const solid of this.scene?.solids ?? []) {
       if (solid.fixed) this.paintSolid(context, solid, solid.pose, this.colours.fixed, 1);
     }
-    if (this.scene?.task) paintWay(context, this.plane, this.scene, this.colours.soft);
+    if (this.scene?.task) paintWay(context, this, this.scene);
+  }
+
+  // How strokes are drawn from now on, in pixels of the page.
+  pen(context, colour, width, dash = []) {
+    const { ratio } = this.plane;
+    Object.assign(context, { strokeStyle: colour, lineWidth: width * ratio });
+    context.setLineDash(dash.map((pixels) => pixels * ratio));
+  }
+
+  say(context, text, x, y, textAlign) {
+    const font = `600 ${13 * this.plane.ratio}px system-ui, "DejaVu Sans", sans-serif`;
+    Object.assign(context, { font, textAlign, fillStyle: this.colours.ink });
+    context.fillText(text, x, y);
   }
 
   paintWorkspace(context) {
@@ -117,11 +131,8 @@ export class SceneView {
     const [x, y] = [this.workspace[0], this.workspace[1] ?? [-0.01, 0.01]];
     const [left, top] = this.plane.toPixels([x[0], y[1]]);
     const [right, bottom] = this.plane.toPixels([x[1], y[0]]);
-    context.strokeStyle = this.colours.soft;
-    context.lineWidth = 1.5 * this.plane.ratio;
-    context.setLineDash([8, 6]);
+    this.pen(context, this.colours.soft, 1.5, [8, 6]);
     context.strokeRect(left, top, right - left, bottom - top);
-    context.setLineDash([]);
   }
 
   paintWall(context, [nx, ny, offset]) {
@@ -134,8 +145,7 @@ export class SceneView {
     path(context, [...ends, ...back]);
     context.fill();
     context.globalAlpha = 1;
-    context.strokeStyle = this.colours.handle;
-    context.lineWidth = 2 * this.plane.ratio;
+    this.pen(context, this.colours.handle, 2);
     line(context, ...ends[0], ...ends[1]);
   }
 
@@ -146,8 +156,7 @@ export class SceneView {
     bodies.forEach((solid, i) => {
       if (!solid.fixed && frame.bodies[i]) this.paintSolid(context, solid, frame.bodies[i], this.colours.moving, 0.9);
     });
-    context.strokeStyle = this.colours.ink;
-    context.lineWidth = 2 * this.plane.ratio;
+    this.pen(context, this.colours.ink, 2);
     grip(context, this.plane, tool.outlines, this.lastTool);
     this.paintTool(context, tool, frame.tool ? this.unfelt : "simulation silent");
     this.paintJoints(context, frame);
@@ -156,22 +165,14 @@ export class SceneView {
   // One that is not felt is faded, with a broken outline and the reason.
   paintTool(context, tool, unfelt) {
     this.canvas.dataset.unfelt = unfelt;
-    context.setLineDash(unfelt ? [4 * this.plane.ratio, 4 * this.plane.ratio] : []);
-    this.paintSolid(context, tool, this.lastTool, this.colours.tool, unfelt ? 0.3 : 0.85);
-    context.setLineDash([]);
-    if (!unfelt) return;
+    this.paintSolid(context, tool, this.lastTool, this.colours.tool, unfelt ? 0.3 : 0.85, unfelt ? [4, 4] : []);
     const [x, y] = this.plane.toPixels(this.lastTool);
-    context.font = `600 ${13 * this.plane.ratio}px system-ui, "DejaVu Sans", sans-serif`;
-    context.textAlign = "left";
-    context.fillStyle = this.colours.ink;
-    context.fillText(unfelt, x + 16 * this.plane.ratio, y - 16 * this.plane.ratio);
+    this.say(context, unfelt, x + 16 * this.plane.ratio, y - 16 * this.plane.ratio, "left");
   }
 
-  paintSolid(context, solid, pose, colour, alpha) {
-    context.globalAlpha = alpha;
-    context.fillStyle = colour;
-    context.strokeStyle = this.colours.ink;
-    context.lineWidth = this.plane.ratio;
+  paintSolid(context, solid, pose, colour, alpha, dash) {
+    this.pen(context, this.colours.ink, 1, dash);
+    Object.assign(context, { globalAlpha: alpha, fillStyle: colour });
     for (const outline of solid.outlines) {
       trace(context, this.plane, outline, pose);
       context.fill();
@@ -182,9 +183,8 @@ export class SceneView {
 
   paintJoints(context, frame) {
     const poses = Object.fromEntries(this.scene.solids.map((s, i) => [s.name, i ? frame.bodies[i - 1] : frame.tool]));
-    context.strokeStyle = this.colours.ink;
+    this.pen(context, this.colours.ink, 1.5);
     context.fillStyle = this.colours.panel;
-    context.lineWidth = 1.5 * this.plane.ratio;
     for (const [i, ends] of this.scene.joints.entries()) {
       if (ends.some(({ solid }) => solid && !poses[solid])) continue;
       const [a, b] = ends.map(({ solid, point }) => this.plane.toPixels(solid ? placed(point, poses[solid]) : point));
@@ -200,7 +200,7 @@ export class SceneView {
     const r = (type === "spring" ? 2 : 4) * this.plane.ratio;
     context.beginPath();
     if (type === "slider") context.rect(x - r, y - r, 2 * r, 2 * r);
-    else if (type !== "weld") context.arc(x, y, r, 0, 2 * Math.PI);
+    else if (type !== "weld") circle(context, [x, y], r);
     else for (const side of [-r, r]) line(context, x - r, y - side, x + r, y + side);
     context.fill();
     context.stroke();
@@ -211,31 +211,25 @@ export class SceneView {
     const near = this.workspace && this.plane.middle.map((at, i) => Math.max(this.workspace[i]?.[0] ?? 0, Math.min(this.workspace[i]?.[1] ?? 0, at)));
     const places = Object.entries({ tool: this.lastTool, handle, workspace: near }).filter(([, at]) => at && this.plane.edge(at));
     this.canvas.dataset.outside = places.map(([name]) => name).join(" ");
-    context.font = `600 ${13 * this.plane.ratio}px system-ui, "DejaVu Sans", sans-serif`;
     for (const [i, [name, place]] of places.entries()) {
       const [[x, y], [px, py]] = [this.plane.edge(place), this.plane.toPixels(place)];
       const way = Math.hypot(px - x, py - y);
       this.arrow(context, [x, y], [(4 * (px - x)) / way, (4 * (y - py)) / way], this.colours[name] ?? this.colours.soft);
-      context.textAlign = px < x ? "left" : "right";
-      context.fillStyle = this.colours.ink;
-      context.fillText(name, x, y + (4 + 15 * i) * this.plane.ratio);
+      this.say(context, name, x, y + (4 + 15 * i) * this.plane.ratio, px < x ? "left" : "right");
     }
   }
 
   // A spring that does not hold is a thin broken line.
   paintCoupling(context, { handle, tool, coupled }) {
-    context.strokeStyle = coupled ? this.colours.coupling : this.colours.soft;
-    context.lineWidth = (coupled ? 3 : 1.5) * this.plane.ratio;
-    if (!coupled) context.setLineDash([6 * this.plane.ratio, 6 * this.plane.ratio]);
+    if (coupled) this.pen(context, this.colours.coupling, 3);
+    else this.pen(context, this.colours.soft, 1.5, [6, 6]);
     zigzag(context, this.plane.toPixels(handle), this.plane.toPixels(tool), coupled ? 10 * this.plane.ratio : 0);
-    context.setLineDash([]);
   }
 
   paintContact(context, [, , x, y, , , fx, fy]) {
     const place = this.plane.toPixels([x, y]);
     context.fillStyle = this.colours.contact;
-    context.beginPath();
-    context.arc(...place, 3.5 * this.plane.ratio, 0, 2 * Math.PI);
+    circle(context, place, 3.5 * this.plane.ratio);
     context.fill();
     this.arrow(context, place, [fx, fy], this.colours.contact);
   }
@@ -243,10 +237,8 @@ export class SceneView {
   paintTarget(context, target) {
     const [x, y] = this.plane.toPixels(target);
     const r = 12 * this.plane.ratio;
-    context.strokeStyle = this.colours.target;
-    context.lineWidth = 1.5 * this.plane.ratio;
-    context.beginPath();
-    context.arc(x, y, r, 0, 2 * Math.PI);
+    this.pen(context, this.colours.target, 1.5);
+    circle(context, [x, y], r);
     context.stroke();
     const [c, s] = [Math.cos(target[2]), Math.sin(target[2])];
     line(context, x + r * c, y - r * s, x + 1.6 * r * c, y - 1.6 * r * s);
@@ -256,14 +248,24 @@ export class SceneView {
     const place = this.plane.toPixels(handle);
     const r = 7 * this.plane.ratio;
     this.arrow(context, place, felt ?? force ?? [0, 0], this.colours.force);
+    this.pen(context, this.colours.panel, 2);
     context.fillStyle = this.colours.handle;
-    context.strokeStyle = this.colours.panel;
-    context.lineWidth = 2 * this.plane.ratio;
-    context.beginPath();
-    context.arc(...place, r, 0, 2 * Math.PI);
+    circle(context, place, r);
     context.fill();
     context.stroke();
     line(context, ...place, place[0] + r * Math.cos(handle[2]), place[1] - r * Math.sin(handle[2]));
+  }
+
+  // What another recording shows at the same time, as broken outlines.
+  paintOther(context, { scene, handle, tool, bodies, felt }) {
+    this.pen(context, this.colours.second, 2, [6, 4]);
+    for (const [i, solid] of (scene?.solids ?? []).entries()) {
+      const pose = i ? bodies[i - 1] : tool;
+      if (!solid.fixed && pose) outline(context, this.plane, solid.outlines, pose);
+    }
+    if (!handle) return;
+    outline(context, this.plane, [[[[0, 0]], (7 * this.plane.ratio) / this.plane.scale]], handle);
+    this.arrow(context, this.plane.toPixels(handle), felt ?? [0, 0], this.colours.second);
   }
 
   arrow(context, [x, y], [fx, fy], colour) {
@@ -273,8 +275,8 @@ export class SceneView {
     const [ux, uy] = [fx / size, -fy / size];
     const head = Math.min(9 * this.plane.ratio, length);
     const [tx, ty] = [x + ux * length, y + uy * length];
-    context.strokeStyle = context.fillStyle = colour;
-    context.lineWidth = 3 * this.plane.ratio;
+    this.pen(context, colour, 3);
+    context.fillStyle = colour;
     line(context, x, y, tx - ux * head, ty - uy * head);
     path(context, [[tx, ty], [tx - ux * head - uy * head * 0.5, ty - uy * head + ux * head * 0.5],
       [tx - ux * head + uy * head * 0.5, ty - uy * head - ux * head * 0.5]]);
