@@ -41,6 +41,7 @@ def njit(function, **options):
     """As numba.njit, for a function that kernels call. Division by zero follows IEEE 754, nothing raises."""
     import numba  # .4 s, which a process that calls no kernel does without
 
+    options = {"no_cfunc_wrapper": True, **options}  # only a function pointer needs it
     return numba.njit(function, nogil=True, error_model="numpy", **options)
 
 
@@ -53,7 +54,7 @@ def kernel(function):
     import numba
 
     numba.config.CACHE_DIR = str(folder())
-    return njit(function, cache=True)
+    return njit(function, cache=True, no_cfunc_wrapper=callable(function))
 
 
 def ensure_compiled(*entries, told=()):
