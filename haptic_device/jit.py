@@ -45,6 +45,12 @@ def njit(function, **options):
     return numba.njit(function, nogil=True, error_model="numpy", **options)
 
 
+def inlined(function):
+    """As njit, for a function of some lines, or one whose constants numba would compile it anew for: it is taken into
+    its callers before their types are inferred."""
+    return njit(function, inline="always")
+
+
 def kernel(function):
     """As njit, for a function that Python calls, in a test at least: kept in the cache.
 
