@@ -10,7 +10,6 @@ its own; `ensure_compiled(...)` runs that command where an entry (haptic_sim/ker
 """
 
 import contextlib
-import fcntl
 import functools
 import hashlib
 import os
@@ -26,7 +25,7 @@ from pathlib import Path
 
 import llvmlite.binding
 
-from haptic_device.process import ending_with_us, held, own_environment, running_module, say
+from haptic_device.process import ending_with_us, held, own_environment, running_module
 
 ROOT = Path(__file__).resolve().parent.parent
 WITHOUT_KERNELS = {"cli", "client.py", "film", "service_requests.py", "supervision", "viewer"}  # no kernel needs them
@@ -42,7 +41,14 @@ def njit(function, **options):
     """As numba.njit, for a function that kernels call. Division by zero follows IEEE 754, nothing raises."""
     import numba  # .4 s, which a process that calls no kernel does without
 
+    options = {"no_cfunc_wrapper": True, **options}  # only a function pointer needs it
     return numba.njit(function, nogil=True, error_model="numpy", **options)
+
+
+def inlined(function):
+    """As njit, for a function of some lines, or one whose constants numba would compile it anew for: it is taken into
+    its callers before their types are inferred."""
+    return njit(function, inline="always")
 
 
 def kernel(function):
@@ -54,31 +60,7 @@ def kernel(function):
     import numba
 
     numba.config.CACHE_DIR = str(folder())
-    _read_or_compiled_anew()
-    return njit(function, cache=True)
-
-
-@functools.cache
-def _read_or_compiled_anew():
-    """From now on numba compiles what it cannot read in its cache; by itself it would raise."""
-    from numba.core.caching import FunctionCache
-
-    load = FunctionCache.load_overload
-
-    def load_overload(cache, *wanted):
-        try:
-            return load(cache, *wanted)
-        except Exception as error:
-            say(f"compiled kernels in {cache.cache_path} cannot be read ({error}); all are compiled anew")
-            wipe(folder())
-
-    FunctionCache.load_overload = load_overload
-
-
-def wipe(own: Path) -> None:
-    """Takes all kernels out of a folder; others may write into it meanwhile."""
-    for kept in (*own.glob(f"*{DONE}"), *own.rglob("*.nb[ic]")):
-        kept.unlink(missing_ok=True)
+    return njit(function, cache=True, no_cfunc_wrapper=callable(function))
 
 
 def ensure_compiled(*entries, told=()):
@@ -90,15 +72,10 @@ def ensure_compiled(*entries, told=()):
     if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0" or not (left := missing(entries)):
         return
     command = ending_with_us([*running_module("haptic_sim.cli.main"), "compile", *left])
+    silent = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL}
     with contextlib.ExitStack() as ending:
         with held():
-            process = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                start_new_session=True,
-                env=own_environment(),
-            )
+            process = subprocess.Popen(command, start_new_session=True, env=own_environment(), **silent)
             ending.callback(_end, process)
         while process.poll() is None and not told:
             time.sleep(LOOK)
@@ -108,11 +85,10 @@ def ensure_compiled(*entries, told=()):
 
 def _end(process):
     """Ends a `haptic compile` that still runs: interrupted, it puts the terminal's cursor back."""
-    if process.poll() is None:
-        process.send_signal(signal.SIGINT)
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(END)
-        process.kill()
+    process.send_signal(signal.SIGINT)
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        process.wait(END)
+    process.kill()
     process.wait()
 
 
@@ -121,18 +97,17 @@ def missing(entries) -> list[str]:
     return [entry for entry in entries if not (folder() / f"{entry}{DONE}").exists()]
 
 
-@contextlib.contextmanager
-def alone(own: Path):
-    """Nobody else compiles into this folder meanwhile, or removes anything."""
-    with open(own / "compiling", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
-
-
 def record(entries: list[str]) -> None:
-    """Notes that these entries are in the cache too."""
+    """Notes that these entries are in the cache too, once they would outlast a loss of power."""
+    os.sync()
     for entry in entries:
         (folder() / f"{entry}{DONE}").touch()
+
+
+def wipe() -> None:
+    """Takes all kernels out of the folder; others may write into it meanwhile."""
+    for kept in (*folder().glob(f"*{DONE}"), *folder().rglob("*.nb[ic]")):
+        kept.unlink(missing_ok=True)
 
 
 def folder() -> Path:
@@ -147,17 +122,13 @@ def note() -> str:
 
 @functools.cache
 def _place():
-    base, own = None, digest()
+    base, own = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache", "haptic_display"), digest()
     try:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "haptic_display"
-        return made(base, own), ""
+        return made(base.expanduser(), own), ""
     except (OSError, RuntimeError) as error:  # RuntimeError: nobody's home is known
-        why = getattr(error, "strerror", None) or str(error)
-    try:
-        place = made(private(MEMORY / f"haptic_display_{os.geteuid()}"), own)
-    except OSError:
-        place = Path(tempfile.mkdtemp(prefix="haptic_display_"))
-    return place, f"{base or 'the cache folder'} cannot hold the compiled kernels ({why}); they are kept in {place}"
+        why = getattr(error, "strerror", None) or error
+    place = made(private(MEMORY / f"haptic_display_{os.geteuid()}"), own)
+    return place, f"{base} cannot hold the compiled kernels ({why}); they are kept in {place}"
 
 
 def digest() -> str:
@@ -178,8 +149,9 @@ def made(base: Path, name: str) -> Path:
     with tempfile.TemporaryFile(dir=own) as file:
         if not any(own.glob(f"*{DONE}")):  # what is there already needs no room
             os.posix_fallocate(file.fileno(), 0, ROOM)
-    for old in sorted((one for one in base.iterdir() if one.is_dir()), key=_last_used)[:-KEPT]:
-        shutil.rmtree(old, ignore_errors=True)
+    with contextlib.suppress(FileNotFoundError):  # another process prunes too
+        for old in sorted(base.glob("*/"), key=os.path.getmtime)[:-KEPT]:
+            shutil.rmtree(old, ignore_errors=True)
     return own
 
 
@@ -187,13 +159,6 @@ def private(own: Path) -> Path:
     """A folder that only this user can write: what lies in a cache is run. PermissionError if it is another's."""
     own.mkdir(mode=0o700, exist_ok=True)
     known = own.lstat()
-    if not stat.S_ISDIR(known.st_mode) or known.st_uid != os.geteuid() or known.st_mode & 0o077:
+    if (known.st_mode, known.st_uid) != (stat.S_IFDIR | 0o700, os.geteuid()):
         raise PermissionError(f"{own} is another user's")
     return own
-
-
-def _last_used(entry):
-    try:
-        return entry.stat().st_mtime
-    except FileNotFoundError:  # another process prunes too
-        return 0.0

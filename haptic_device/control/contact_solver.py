@@ -37,11 +37,11 @@ def solve(rows, mass, right, system, velocity, most):
 
     rows: (contacts, COLUMNS); mass, right: (3) A and r; system: (3, 4) to work in; most: solutions that it may take.
     """
-    turns = _pivot(rows, mass, right, system, velocity, False, min(EXACT, most))
+    turns = _pivot(rows, mass, right, system, velocity, bool(0), min(EXACT, most))  # a plain False: a kernel of its own
     if turns < 0 and most > EXACT:
         for one in rows:
             one[SENSE] = 1.0 if one[MODE] == UP else (-1.0 if one[MODE] == DOWN else 0.0)
-        turns = _pivot(rows, mass, right, system, velocity, True, min(BRAKED, most - EXACT))
+        turns = _pivot(rows, mass, right, system, velocity, bool(1), min(BRAKED, most - EXACT))
         turns += EXACT if turns > 0 else 0
     for one in rows:
         one[BOUND] = one[MU] * one[IMPULSE]

@@ -4,7 +4,7 @@
 from typing import NamedTuple
 
 from haptic_device.control import enable_state
-from haptic_device.jit import kernel
+from haptic_device.jit import inlined, kernel
 
 NONE, ESTOP, DEVICE_SILENT, NOT_A_NUMBER, ENCODER_JUMP, POSITION, VELOCITY, SATURATION, DEVICE_WATCHDOG = range(9)
 DUTY, UNATTENDED, DEVICE_ESTOP, DEVICE_HOT, DEVICE_LIMIT, DEVICE_ENCODER, DEVICE_CLOCK = range(9, 16)
@@ -191,7 +191,7 @@ def name_of(code):
     return next((fault.name for fault in TABLE if fault.code == code), "")
 
 
-@kernel
+@inlined
 def latch(fault, code):
     """Latches this code if it is one and no other was first."""
     if code != NONE and fault.code == NONE:

@@ -9,7 +9,7 @@ from numba import types
 
 from haptic_device.control import contact_model, enable_state, faults, servo, tool_contacts
 from haptic_device.control.records import AXES, SETTINGS, STATE, TICK, TRACE_ROW
-from haptic_device.jit import kernel, njit
+from haptic_device.jit import inlined, kernel, njit
 from haptic_device.realtime import atomic, clock, hardware_interface, seqlock
 
 STOP, COMMAND, RUNNING, LATE_DEVICE, TORN, ATTENDED, CONTROLS = 0, 1, 2, 3, 4, 5, 8  # words of control
@@ -139,7 +139,9 @@ def _command(control, unattended, now):
 @njit
 def copy_tick(ticks, rows, at):
     """Copies the one TICK into a row of the trace (TRACE_ROW, the same bytes)."""
-    rows[at : at + 1].view(np.int64)[:] = ticks.view(np.int64)
+    to, words = rows[at : at + 1].view(np.int64), ticks.view(np.int64)
+    for i in range(words.size):
+        to[i] = words[i]
 
 
 @njit
@@ -155,7 +157,7 @@ def _take(control, mail, staged, words, known):
     return turn if turn >= 0 else known
 
 
-@njit
+@inlined
 def run_tick(settings, state, tool, tick, number, deadline, sample, fresh):
     """The tick of this number and deadline [ns]; sample: SAMPLE of the device, fresh: 1 if it is of this deadline.
 

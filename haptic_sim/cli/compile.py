@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`haptic compile`: kernels into the cache, so that no later start compiles any."""
 
+import fcntl
+import gc
 import multiprocessing
 import os
 import signal
@@ -20,15 +22,25 @@ LOOK, SELDOM = 1.0, 10.0  # [s] between looks at what is done, and between lines
 
 
 def compile(entries: Annotated[list[str] | None, typer.Argument(help="Some only; all by default.")] = None) -> None:
-    """Compile kernels for this machine, on all cores; make setup does so. Ctrl-C keeps what is done."""
+    """Compile kernels for this machine, on all cores; make setup does so. Ctrl-C keeps what is done.
+
+    All are read again too, if none is named.
+    """
     from haptic_sim.kernels import ENTRIES
 
     if strangers := sorted({*(entries or ())} - {*ENTRIES}):
         raise ValueError(f"no kernels are called {', '.join(strangers)}; there are {', '.join(ENTRIES)}")
     if jit.note():
         say(jit.note())
-    with jit.alone(jit.folder()):  # what one process compiles another need not
-        wrong = _compile(jit.missing([name for name in ENTRIES if name in (entries or ENTRIES)]))
+    with open(jit.folder() / "compiling", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # what one process compiles another need not
+        known = any(jit.folder().rglob("*.nbi"))
+        names = jit.missing([name for name in ENTRIES if name in entries]) if entries else [*ENTRIES]
+        wrong = _compile(names)
+        if wrong and known:
+            say(f"compiled kernels in {jit.folder()} cannot be read ({'; '.join(wrong)}); all are compiled anew")
+            jit.wipe()
+            wrong = _compile(names)
     if wrong:
         raise ValueError(f"not compiled: {'; '.join(wrong)}")
     typer.echo(f"{'all' if not entries else 'these'} kernels are compiled; they are kept in {jit.folder()}")
@@ -68,6 +80,7 @@ def _kept(began):
 def _begin(parent):
     """A worker ends with whoever started it, and leaves Ctrl-C to it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    gc.set_threshold(100_000)  # numba makes many objects that stay: a tenth of the time
     die_with_parent(parent)
 
 

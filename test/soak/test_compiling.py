@@ -95,6 +95,22 @@ def test_a_node_told_to_end_while_its_kernels_compile_ends_well_and_so_does_all_
     assert not list(tmp_path.rglob(f"*{DONE}"))
 
 
+DAMAGE = {
+    "nbc": lambda file: file.write_bytes(file.read_bytes()[: file.stat().st_size // 2]),
+    "nbi": lambda file: file.write_bytes(b""),
+}
+
+
+@pytest.mark.parametrize("suffix", DAMAGE)
+def test_what_numba_cannot_read_is_said_in_a_sentence_and_made_anew(tmp_path, suffix):
+    ended(asking(tmp_path, SMALL))
+    [done] = tmp_path.rglob(f"{SMALL}{DONE}")
+    done.unlink()
+    DAMAGE[suffix](next(tmp_path.rglob(f"wall_tapping.cells-*.{suffix}")))
+    assert "cannot be read (wall maps (" in ended(asking(tmp_path, SMALL))[1]
+    assert ended(asking(tmp_path, SMALL)) == ("", "")
+
+
 def test_what_two_entries_keep_they_keep_for_the_same_types(tmp_path):
     """Two processes that keep other types of one kernel at the same moment would mix them up: numba locks nothing."""
     kept = {}

@@ -94,10 +94,24 @@ def test_a_person_is_told_what_is_next_and_make_and_whoever_needs_some_kernels_a
     if level:
         monkeypatch.setenv("MAKELEVEL", level)
     monkeypatch.setattr(jit, "folder", lambda: tmp_path)
-    monkeypatch.setattr(jit, "missing", lambda names: [])
+    monkeypatch.setattr(command, "_compile", lambda names: [])
     done = haptic("compile", *entries)
     assert done.returncode == 0 and done.stdout.endswith(f"kernels are compiled; they are kept in {tmp_path}\n")
     assert done.stderr == hint
+
+
+def test_kernels_that_cannot_be_read_are_all_taken_away_with_a_sentence_and_made_anew_once(monkeypatch, tmp_path):
+    (tmp_path / "law.nbi").touch()
+    (tmp_path / f"servo{jit.DONE}").touch()
+    monkeypatch.setattr(jit, "folder", lambda: tmp_path)
+    wrong = ["servo (EOFError: cut)"]
+    monkeypatch.setattr(command, "_compile", lambda names: wrong if [*tmp_path.glob("*.nbi")] else [])
+    done = haptic("compile")
+    sentence = f"compiled kernels in {tmp_path} cannot be read (servo (EOFError: cut)); all are compiled anew\n"
+    assert done.returncode == 0 and done.stderr.startswith(sentence) and not [*tmp_path.glob(f"*{jit.DONE}")]
+    monkeypatch.setattr(command, "_compile", lambda names: ["servo (TypeError: no law)"])
+    done = haptic("compile", "servo")
+    assert (done.returncode, done.stderr) == (1, "haptic: not compiled: servo (TypeError: no law)\n")
 
 
 @pytest.mark.parametrize(("goal", "hints"), [("setup", 1), ("demo", 0), ("check", 0)])

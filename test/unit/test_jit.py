@@ -88,33 +88,6 @@ def test_without_the_compiler_the_same_servo_and_plant_compute_the_same(tmp_path
         assert np.allclose(compiled[name], plain[name], rtol=1e-9, atol=1e-12), name
 
 
-DAMAGE = {
-    "cut": lambda file: file.write_bytes(file.read_bytes()[: file.stat().st_size // 2]),
-    "empty": lambda file: file.write_bytes(b""),
-    "foreign": lambda file: file.write_bytes(b"\x80 is no pickle, nor is this a kernel"),
-}
-
-
-@pytest.mark.parametrize(("damage", "suffix"), [("cut", "nbc"), ("empty", "nbi"), ("foreign", "nbc")])
-def test_a_cache_that_cannot_be_read_is_emptied_with_a_sentence_and_its_kernels_are_made_anew(tmp_path, damage, suffix):
-    law = "from haptic_device.jit import kernel\n\n\n@kernel\ndef twice(x):\n    return 2 * x\n"
-    (tmp_path / "law.py").write_text(law)
-    places = {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": f"{tmp_path}:{ROOT}"}
-
-    def said():
-        return python("from law import twice; print(twice(21))", **places)
-
-    assert said() == said() == (["42"], "")
-    [file] = tmp_path.rglob(f"law.twice*.{suffix}")
-    DAMAGE[damage](file)
-    done = next(tmp_path.glob("haptic_display/*")) / f"servo{jit.DONE}"
-    done.touch()
-    [found], sentence = said()
-    assert found == "42" and sentence.startswith(f"compiled kernels in {file.parent} cannot be read (")
-    assert sentence.endswith("); all are compiled anew\n") and not done.exists()
-    assert said() == (["42"], "") and file.exists()
-
-
 def where(**environment):
     """(folder, sentence) of the cache of a process with this environment; None takes a variable away."""
     [folder, *note], _ = python("from haptic_device import jit; print(jit.folder(), jit.note())", **environment)
