@@ -42,10 +42,9 @@ class PlanarWorld:
     def reset(self) -> None:
         """Everything back to the scene's start, with the same gains."""
         self._records = records(self._reduced.model)
-        model, layout, work = self._records
-        self._count = int(model["bodies"][0]) - 1
-        self._pairs = model["pairs"][0]
-        self._tool_pairs = {p for p, pair in enumerate(layout["pair_bodies"][0].tolist()) if 0 in pair}
+        model, work = self._reduced.model, self._records[1]
+        self._count = len(model.mass) - 1
+        self._tool_pairs = set(np.flatnonzero((model.pair_bodies == 0).any(axis=1)).tolist())
         self._q, self._v, self._force = work["q"][0], work["v"][0], work["port"]["force"][0]
         self._report = work["report"]
         self._pushing, self._pushing_pairs = self._report["count"], self._report["pair"][0]
@@ -91,17 +90,17 @@ class PlanarWorld:
         model, n = self._reduced.model, self._count
         q, v, mass, inertia = self._q[:n], self._v[:n], model.mass[:n], model.inertia[:n]
         kinetic = 0.5 * float(mass @ (v[:, 0] ** 2 + v[:, 1] ** 2) + inertia @ v[:, 2] ** 2)
-        springs = stored_in_springs(*self._records[::2]) if len(model.joint_kind) else 0.0
+        springs = stored_in_springs(*self._records) if len(model.joint_kind) else 0.0
         return kinetic, springs + self._elastic - float(mass @ (q[:, :2] @ model.gravity))
 
     @property
     def refusals(self) -> int:
         """Sub-steps since the start in which event-driven flight gave up and a backward difference took over."""
-        return self._records[2]["counters"]["refusals"].item()
+        return self._records[1]["counters"]["refusals"].item()
 
     def _couple(self):
         stiffness, damping, turning_stiffness, turning_damping = self._gains
-        coupling = self._records[2]["coupling"][0]
+        coupling = self._records[1]["coupling"][0]
         coupling["stiffness"] = stiffness, stiffness, turning_stiffness
         coupling["damping"] = damping, damping, turning_damping
 
@@ -116,7 +115,7 @@ class PlanarWorld:
         self.touching = any(pair in self._tool_pairs for pair in pushing)
 
     def _contact_at(self, k):
-        a, b = (self._reduced.shape_names[shape] for shape in self._pairs[self._pushing_pairs[k]])
+        a, b = (self._reduced.shape_names[shape] for shape in self._reduced.model.pairs[self._pushing_pairs[k]])
         place, normal, (px, py), overlap = (
             self._report[name][0, k].tolist() for name in ("place", "normal", "impulse", "overlap")
         )

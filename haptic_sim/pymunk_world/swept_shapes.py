@@ -3,7 +3,7 @@
 
 import functools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 
 import numpy as np
 import pymunk
@@ -79,17 +79,6 @@ def can_meet(body: pymunk.Body, own: list[pymunk.Shape], other: pymunk.Shape, jo
     if any(not joint.collide_bodies and other.body in (joint.a, joint.b) for joint in body.constraints & joints):
         return False
     return _accepted({shape.filter for shape in own if not shape.sensor}, other.filter)
-
-
-def connected(bodies: list[pymunk.Body], joints: Iterable[pymunk.Constraint]) -> list[list[int]]:
-    """For each body the numbers of all that constraints connect with it, its own among them."""
-    groups = {body: [b] for b, body in enumerate(bodies)}
-    for joint in joints:
-        one, other = groups.get(joint.a), groups.get(joint.b)
-        if one and other and one is not other:
-            one += other
-            groups |= dict.fromkeys((bodies[b] for b in other), one)
-    return [groups[body] for body in bodies]
 
 
 def _accepted(own: Set[pymunk.ShapeFilter], given: pymunk.ShapeFilter) -> bool:

@@ -35,7 +35,6 @@ import numpy as np
 import pymunk
 from pymunk import batch
 
-from haptic_sim.method.layout import lay_out
 from haptic_sim.protocol import Contact, Coupling, Planar, StepResult
 from haptic_sim.pymunk_world.continuous_collision import ContinuousCollision
 from haptic_sim.pymunk_world.joints import stored
@@ -90,7 +89,6 @@ class PymunkWorld:
         self.inner = math.ceil(sub_step / reduced.inside - 1e-9)
         self._h = sub_step / self.inner
         self._gravity, (self._mass, self._inertia, _) = self.scene.gravity, self.scene.tool.mass_properties
-        self._layout = lay_out(reduced.model)
         self._gains = Coupling()
         self._places = batch.Buffer()
         self.reset()
@@ -105,8 +103,7 @@ class PymunkWorld:
         self._restitution, self._calms = filled.restitution, False
         if any(filled.restitution.values()):
             self.space.on_collision(begin=self._begin_rebound)
-        shapes, layout = filled.shapes, self._layout
-        self._sweep = ContinuousCollision(self.space, self._bodies, shapes, model, layout, self._h, stops)
+        self._sweep = ContinuousCollision(self.space, self._bodies, filled.shapes, model, self._h, stops)
         self._unwatched = WATCH  # sub-steps
         self._spare = 0.0  # J, lost at the tool and not yet given back by push-out
         self.position: Planar = self.scene.tool.pose

@@ -9,9 +9,10 @@ import math
 from typing import NamedTuple
 
 from haptic_sim.method_registry import AUTO
+from haptic_sim.reduction.assembly import Place, build
 from haptic_sim.reduction.method_choice import choose_method, choose_sub_step, refusal, step_inside, unkept_wish
 from haptic_sim.reduction.mobility import Touching, degrees_of_freedom, groups_of, moving_bodies, touching_pairs
-from haptic_sim.reduction.model import Model, Place, build
+from haptic_sim.reduction.model import Model
 from haptic_sim.scene.geometry import Point, turned
 from haptic_sim.scene.language import Scene
 from haptic_sim.scene.shapes import TOOL, HalfPlane

@@ -22,26 +22,21 @@ NEAR = 1e-4
 """m from the corner where an edge is looked at; of a short edge its quarter."""
 
 
-def covered_edges(model: Model, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of each corner, how deep below the surface its other edge is covered from it on [m]; 0 where nothing is.
-
-    (v, 2): the edge that starts there, and the one that ends there. (v): the larger, if the surface goes straight on.
-    `normals` of the edges in the body's frame.
-    """
-    covered, straight = np.zeros((len(model.vertices), 2)), np.zeros(len(model.vertices))
+def cover_edges(model: Model) -> None:
+    """Writes of each corner how deep below the surface an edge is covered from it on, into `covered` and `straight`."""
+    covered, normals = model.covered, model.normals
     for s, neighbours in _neighbours(model):
         first, end = model.shape_start[s], model.shape_start[s + 1]
         for v in range(first, end):
             after, before = v + 1 if v + 1 < end else first, v - 1 if v > first else end - 1
             corner, ahead, back = model.vertices[[v, after, before]]
             for n in neighbours:
-                faces = _faces(model, normals, n)
+                faces = _faces(model, n)
                 for side, (to, along, surface) in enumerate(((ahead, back, before), (back, ahead, v))):
                     depth = _cover(faces, corner, to, along, normals[surface])
                     covered[v, side] = max(covered[v, side], depth)
                     if abs(_outside(faces, corner - _near(corner, along))) <= MISFIT:
-                        straight[v] = max(straight[v], depth)
-    return covered, straight
+                        model.straight[v] = max(model.straight[v], depth)
 
 
 def _neighbours(model: Model) -> Iterator[tuple[int, list[int]]]:
@@ -85,9 +80,9 @@ def _near(corner, other):
     return (other - corner) * (min(NEAR, 0.25 * length) / length)
 
 
-def _faces(model, normals, s):
+def _faces(model, s):
     first, end = model.shape_start[s], model.shape_start[s + 1]
-    return model.vertices[first:end], normals[first:end]
+    return model.vertices[first:end], model.normals[first:end]
 
 
 def _outside(faces, point):
