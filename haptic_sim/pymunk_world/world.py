@@ -41,7 +41,7 @@ from haptic_sim.pymunk_world.joints import stored
 from haptic_sim.pymunk_world.rebound import passive_rebound
 from haptic_sim.pymunk_world.space import OWN_KINDS, Touching, fill
 from haptic_sim.reduction import ReducedScene
-from haptic_sim.scene.geometry import turned
+from haptic_sim.reduction.model import energy_of
 
 WATCH = 4
 """Sub-steps after which is looked anew who is fast."""
@@ -260,11 +260,8 @@ class PymunkWorld:
 
     def pose(self, body: str) -> Planar:
         """Pose of a body's frame at the end of the sub-step."""
-        index, pose = self._reduced.places[body]
-        if index == len(self._bodies):
-            return pose
-        x, y, angle = self._now()[index, :3].tolist()
-        return *turned(pose[:2], (x, y, angle)), angle + pose[2]
+        place = self._reduced.places[body]
+        return place.pose if place.body == len(self._bodies) else place.at(self._now()[place.body, :3].tolist())
 
     def energy(self) -> tuple[float, float]:
         """Kinetic and potential energy of the scene's bodies and springs [J]; gravity's is 0 at the origin."""
@@ -274,9 +271,7 @@ class PymunkWorld:
 
     def _energy_of(self, state: np.ndarray) -> tuple[float, float]:
         model = self._reduced.model
-        mass, inertia = model.mass[:-1], model.inertia[:-1]
-        kinetic = 0.5 * float(mass @ (state[:, 3] ** 2 + state[:, 4] ** 2) + inertia @ state[:, 5] ** 2)
-        potential = -float(mass @ (state[:, :2] @ model.gravity))
+        kinetic, potential = energy_of(model, state[:, :3], state[:, 3:])
         if len(model.joint_kind):
             potential += stored(model, [tuple(row) for row in state[:, :3].tolist()])
         return kinetic, potential

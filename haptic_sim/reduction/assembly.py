@@ -9,7 +9,7 @@ import numpy as np
 
 from haptic_sim.reduction.layout import lay_out
 from haptic_sim.reduction.model import PIN, SLIDER, SPRING, Model, empty
-from haptic_sim.scene.geometry import Outline, Point, Pose, framed, turned
+from haptic_sim.scene.geometry import Lamina, Outline, Point, Pose, framed, merged, turned
 from haptic_sim.scene.joints import WORLD, AnyJoint, Slider
 from haptic_sim.scene.language import Scene
 from haptic_sim.scene.shapes import AnySolid
@@ -30,6 +30,10 @@ class Place(NamedTuple):
 
     body: int
     pose: Pose
+
+    def at(self, frame: Pose) -> Pose:
+        """Its pose in the plane where the body's frame is at this one."""
+        return *turned(self.pose[:2], frame), frame[2] + self.pose[2]
 
 
 class ShapePair(NamedTuple):
@@ -94,13 +98,8 @@ _WORLD_BODY: _Body = (math.inf, math.inf, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 def _body(solids: Sequence[AnySolid]) -> _Body:
     """Mass, inertia, pose and velocity of solids that move as one."""
-    parts = [(solid, *solid.mass_properties) for solid in solids]
-    mass = sum(part[1] for part in parts)
-    centers = [turned(center, solid.pose) for solid, _, _, center in parts]
-    x, y = (sum(part[1] * center[k] for part, center in zip(parts, centers, strict=True)) / mass for k in (0, 1))
-    inertia = sum(
-        own + m * math.dist(center, (x, y)) ** 2 for (_, m, own, _), center in zip(parts, centers, strict=True)
-    )
+    parts = ((solid.mass_properties, solid.pose) for solid in solids)
+    mass, (x, y), inertia = merged([Lamina(mass, turned(center, at), own) for (mass, own, center), at in parts])
     (px, py, angle), (vx, vy, turn) = solids[0].pose, solids[0].velocity
     return mass, inertia, (x, y, angle), (vx - turn * (y - py), vy + turn * (x - px), turn)
 

@@ -26,7 +26,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 
 from haptic_sim.reduction.model import Model, mobilities, too_much
-from haptic_sim.scene.geometry import Outline, Point, Pose, distance
+from haptic_sim.scene.geometry import Outline, Point, Pose, distance, turned
 from haptic_sim.scene.language import Scene
 
 STEPS = (1e-3, 0.5e-3, 0.25e-3, 0.2e-3, 0.125e-3, 0.1e-3, 0.05e-3, 0.025e-3)
@@ -245,18 +245,14 @@ def _height(model: Model) -> int:
 def _touching(model: Model) -> Iterator[tuple[int, int]]:
     """Pairs of bodies that touch at the start."""
     shapes = [_outline(model, s) for s in range(len(model.radius))]
-    discs = [_disc(*shape) for shape in shapes]
+    middles = [turned(middle, at) for middle, (_, at) in zip(model.middle.tolist(), shapes, strict=True)]
+    reach = model.reach.tolist()
     for i, j in model.pairs.tolist():
-        (xa, ya, ra), (xb, yb, rb) = discs[i], discs[j]
-        if math.hypot(xa - xb, ya - yb) <= ra + rb + TOUCHING and distance(*shapes[i], *shapes[j]) <= TOUCHING:
+        near = math.dist(middles[i], middles[j]) <= reach[i] + reach[j] + TOUCHING
+        if near and distance(*shapes[i], *shapes[j]) <= TOUCHING:
             yield model.shape_body[i], model.shape_body[j]
 
 
 def _outline(model: Model, s: int) -> tuple[Outline, Pose]:
     corners = model.vertices[model.shape_start[s] : model.shape_start[s + 1]]
     return Outline(tuple(map(tuple, corners.tolist())), float(model.radius[s])), tuple(model.pose[model.shape_body[s]])
-
-
-def _disc(outline: Outline, pose: Pose) -> tuple[float, float, float]:
-    """Centre and radius of a disc that holds the shape [m]: about its body's mass centre."""
-    return pose[0], pose[1], max(math.hypot(*corner) for corner in outline.vertices) + outline.radius

@@ -101,6 +101,13 @@ def empty(*counts: int) -> Model:
     return Model(record=record, **{name: record[name][0][tuple(map(slice, shape))] for name, shape in shapes.items()})
 
 
+def energy_of(model: Model, pose: np.ndarray, velocity: np.ndarray) -> tuple[float, float]:
+    """Kinetic energy of the bodies at these (n - 1, 3), and that of their weight, 0 at the origin [J]."""
+    mass, inertia = model.mass[:-1], model.inertia[:-1]
+    kinetic = 0.5 * float(mass @ (velocity[:, 0] ** 2 + velocity[:, 1] ** 2) + inertia @ velocity[:, 2] ** 2)
+    return kinetic, -float(mass @ (pose[:, :2] @ model.gravity))
+
+
 def mobilities(model: Model) -> Iterator[float]:
     """1/m that each joint's spring-damper sees [1/kg | 1/(kg m²)], each body taken as free."""
     for kind, bodies, anchors in zip(model.joint_kind, model.joint_bodies, model.joint_anchor, strict=True):
