@@ -112,7 +112,7 @@ def reduce_scene(scene: Scene, method: str | None = None) -> ReducedScene:
     groups = [group for group in groups[:-1] if moving & set(group)] + [at_rest + groups[-1]]
     touching = touching_pairs(scene, groups)
     arrays, places, shape_names = build(scene, groups, touching.pairs)
-    friction = any(pair.friction > 0.0 for pair in touching.pairs)
+    friction, restitution = bool(arrays.pair_friction.any()), bool(arrays.pair_restitution.any())
     needs = Needs(
         moving=tuple(name for group in groups[:-1] for name in group),
         at_rest=tuple(at_rest),
@@ -120,9 +120,9 @@ def reduce_scene(scene: Scene, method: str | None = None) -> ReducedScene:
         touching=touching.names,
         apart=touching.apart,
         friction=friction,
-        restitution=any(pair.restitution > 0.0 for pair in touching.pairs),
+        restitution=restitution,
         rotation=_turning_matters(scene, touching, friction),
-        axes=_axes(scene, len(groups), touching),
+        axes=None if friction or restitution else _axes(scene, len(groups), touching),
     )
     why_method = ASKED
     if method in (None, AUTO):
@@ -143,10 +143,9 @@ def _turning_matters(scene: Scene, touching: Touching, friction: bool) -> bool:
 
 
 def _axes(scene: Scene, groups: int, touching: Touching) -> tuple[Point, ...] | None:
-    """Directions of the walls, if they are half-planes, frictionless, without rebound, and parallel or square."""
+    """Directions of frictionless walls without rebound, if they are half-planes, and parallel or square."""
     alone = groups == 2 and not any(TOOL in joint.bodies for joint in scene.joints)
-    rough = any(pair.friction > 0.0 or pair.restitution > 0.0 for pair in touching.pairs)
-    if not alone or rough or _turning_matters(scene, touching, False):
+    if not alone or _turning_matters(scene, touching, False):
         return None
     walls = [scene.solids[name] for _, name in touching.names]
     normals = []

@@ -23,6 +23,8 @@ _JOINT = tuple(
 
 
 _Body = tuple[float, float, Pose, Pose]
+ShapePair = tuple[tuple[int, int], float, float, Point]
+"""Two shapes that can touch, by their place among the shapes of the groups, and what the record says of a pair."""
 
 
 class Place(NamedTuple):
@@ -34,16 +36,6 @@ class Place(NamedTuple):
     def at(self, frame: Pose) -> Pose:
         """Its pose in the plane where the body's frame is at this one."""
         return *turned(self.pose[:2], frame), frame[2] + self.pose[2]
-
-
-class ShapePair(NamedTuple):
-    """Two shapes that can touch, by their place among the shapes of the groups, and their surface."""
-
-    shapes: tuple[int, int]
-    friction: float
-    restitution: float
-    surface: Point
-    """Velocity in the plane [m/s] at which the second's surface runs over its body."""
 
 
 def shapes_of(scene: Scene, groups: Sequence[Sequence[str]]) -> list[tuple[int, str, Outline]]:

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from haptic_sim.reduction.connected import connected
-from haptic_sim.reduction.model import Model, mobilities
+from haptic_sim.reduction.model import SLIDER, SPRING, Model
 from haptic_sim.reduction.seams import cover_edges
+from haptic_sim.scene.geometry import Outline, normals, thickness
 
 
 def lay_out(model: Model) -> None:
@@ -22,6 +23,7 @@ def lay_out(model: Model) -> None:
         model.extent[b] = max(model.extent[b], math.hypot(*model.middle[s]) + model.reach[s])
     model.disc[:] = np.repeat(model.radius, np.diff(model.shape_start))
     model.pair_bodies[:] = model.shape_body[model.pairs]
+    model.joint_mobility[:] = [_mobility(model, j) for j in range(len(model.joint_kind))]
     cover_edges(model)
     _link(model)
 
@@ -30,11 +32,8 @@ def _shape(corners: np.ndarray, radius: float) -> tuple[Any, np.ndarray, float, 
     """Normals of the edges, centre and radius of the disc that holds a shape, and its least width."""
     if radius > 0.0:
         return 0.0, corners[0], radius, 2.0 * radius
-    edges = np.roll(corners, -1, axis=0) - corners
-    normals = np.column_stack((edges[:, 1], -edges[:, 0])) / np.hypot(edges[:, 0], edges[:, 1])[:, None]
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
-    width = min(np.ptp(corners @ normal) for normal in normals)
-    return normals, middle, np.hypot(*(corners - middle).T).max(), width
+    return normals(corners), middle, np.hypot(*(corners - middle).T).max(), thickness(Outline(corners))
 
 
 def _link(model: Model) -> None:
@@ -47,14 +46,19 @@ def _link(model: Model) -> None:
         model.linkage[group], model.place_in[group] = i, range(len(group))
     of_joints = model.linkage[model.joint_bodies].max(axis=1)
     model.order[:], model.joint_order[:] = (np.argsort(of, kind="stable") for of in (model.linkage[:world], of_joints))
-    moved = np.array(list(mobilities(model)))
     for start, of in ((model.body_start, model.linkage[:world]), (model.joint_start, of_joints)):
         start[1 : len(groups) + 1] = np.cumsum(np.bincount(of, minlength=len(groups)))
     for i in range(len(groups)):
-        model.rate[i] = _rate(model, moved, model.joint_order[slice(*model.joint_start[i : i + 2])])
+        joints = model.joint_order[slice(*model.joint_start[i : i + 2])]
+        stiffness, damping = (model.joint_mobility[joints] @ model.joint_spring[joints, k] for k in (0, 1))
+        model.rate[i] = max(damping, math.sqrt(stiffness))
 
 
-def _rate(model: Model, mobility: np.ndarray, joints: np.ndarray) -> float:
-    """max(Σ c/m, √(Σ k/m)) over the spring-dampers of these joints, 1/m what each of them moves."""
-    stiffness, damping = (mobility[joints] @ model.joint_spring[joints, k] for k in (0, 1))
-    return max(damping, math.sqrt(stiffness))
+def _mobility(model: Model, j: int) -> float:
+    bodies = model.joint_bodies[j]
+    mobility = 1.0 / model.inertia[bodies]
+    if model.joint_kind[j] == SLIDER:  # whose bodies do not turn
+        mobility = 1.0 / model.mass[bodies]
+    elif model.joint_kind[j] == SPRING:
+        mobility = 1.0 / model.mass[bodies] + np.sum(model.joint_anchor[j] ** 2, axis=1) / model.inertia[bodies]
+    return float(np.sum(mobility))

@@ -25,7 +25,7 @@ a heavy one and a damper by c h/m sweeps: `GREASE` of it is solved directly.
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
-from haptic_sim.reduction.model import Model, mobilities, too_much
+from haptic_sim.reduction.model import Model, too_much
 from haptic_sim.scene.geometry import Outline, Point, Pose, distance, turned
 from haptic_sim.scene.language import Scene
 
@@ -159,14 +159,9 @@ def longest_step(model: Model, error: float) -> tuple[float, str]:
 def _modes(model: Model) -> Iterator[tuple[float, str]]:
     """(angular frequency, what) of the coupling and of the scene's own springs."""
     yield math.sqrt(STIFFNESS / model.mass[0]), f"the tool on a coupling of {STIFFNESS:g} N/m"
-    for spring, mobility in zip(model.joint_spring, mobilities(model), strict=True):
+    for spring, mobility in zip(model.joint_spring, model.joint_mobility, strict=True):
         if spring[0] > 0.0:
             yield math.sqrt(spring[0] * mobility), "a spring of the scene"
-
-
-def _damping_rates(model: Model) -> list[float]:
-    """c/m of the scene's dampers [1/s]."""
-    return [float(spring[1]) * mobility for spring, mobility in zip(model.joint_spring, mobilities(model), strict=True)]
 
 
 def too_many_layers(scene: Scene) -> str:
@@ -195,7 +190,7 @@ def _beyond_impulse(scene: Scene, model: Model, names: Sequence[str]) -> str:
     longest, why = longest_step(model, scene.error)
     if longest < SHORT:
         return f"{why}, and impulse cannot keep up with steps below {SHORT * 1e3:g} ms"
-    rate = max(_damping_rates(model), default=0.0)
+    rate = float((model.joint_spring[:, 1] * model.joint_mobility).max(initial=0.0))  # c/m of the dampers
     grease = short_step(model) * rate  # a damper is a joint's
     if grease > GREASE:
         return (

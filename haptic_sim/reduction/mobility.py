@@ -86,12 +86,8 @@ def touching_pairs(scene: Scene, groups: Sequence[Sequence[str]]) -> Touching:
 
 def _pair(scene: Scene, i: int, j: int, a: AnySolid, b: AnySolid) -> ShapePair:
     one, two = scene.material(a), scene.material(b)
-    return ShapePair(
-        (i, j),
-        math.sqrt(one.friction * two.friction),
-        math.sqrt(one.restitution * two.restitution),
-        turned(b.surface_velocity, (0.0, 0.0, b.pose[2])),
-    )
+    friction, restitution = math.sqrt(one.friction * two.friction), math.sqrt(one.restitution * two.restitution)
+    return (i, j), friction, restitution, turned(b.surface_velocity, (0.0, 0.0, b.pose[2]))
 
 
 def reaches(scene: Scene, immovable: Collection[str]) -> dict[str, Disc]:

@@ -8,7 +8,6 @@ A record is passed to a kernel as one pointer, and all scenes share one compiled
 a scene that has more gets a record of its own size, and the compiled methods refuse it with that number.
 """
 
-from collections.abc import Iterator
 from types import SimpleNamespace
 
 import numpy as np
@@ -70,6 +69,8 @@ def _declared(n: int, s: int, v: int, p: int, j: int) -> np.dtype[np.void]:
             ("joint_motor", "f8", (j, 2)),
             # stiffness, damping, rest on the coordinate; a spring's is the anchors' distance, with rest 0 a vector
             ("joint_spring", "f8", (j, 3)),
+            # 1/m that its spring-damper sees [1/kg | 1/(kg m²)], each body taken as free
+            ("joint_mobility", "f8", (j,)),
             ("linkage", "i8", (n,)),  # linkage of each body; -1 for the world
             ("place_in", "i8", (n,)),  # place of a body within its linkage; -1 for the world
             ("order", "i8", (n - 1,)),  # bodies in the order of their linkages
@@ -106,17 +107,6 @@ def energy_of(model: Model, pose: np.ndarray, velocity: np.ndarray) -> tuple[flo
     mass, inertia = model.mass[:-1], model.inertia[:-1]
     kinetic = 0.5 * float(mass @ (velocity[:, 0] ** 2 + velocity[:, 1] ** 2) + inertia @ velocity[:, 2] ** 2)
     return kinetic, -float(mass @ (pose[:, :2] @ model.gravity))
-
-
-def mobilities(model: Model) -> Iterator[float]:
-    """1/m that each joint's spring-damper sees [1/kg | 1/(kg m²)], each body taken as free."""
-    for kind, bodies, anchors in zip(model.joint_kind, model.joint_bodies, model.joint_anchor, strict=True):
-        mobility = 1.0 / model.inertia[bodies]
-        if kind == SLIDER:  # whose bodies do not turn
-            mobility = 1.0 / model.mass[bodies]
-        elif kind != PIN:
-            mobility = 1.0 / model.mass[bodies] + np.sum(anchors**2, axis=1) / model.inertia[bodies]
-        yield float(np.sum(mobility))
 
 
 def too_much(model: Model) -> str:

@@ -94,14 +94,16 @@ def finest_feature(outline: Outline) -> float:
     return min(math.dist(a, b) for a, b in edges(outline.vertices))
 
 
+def normals(corners: np.ndarray) -> np.ndarray:
+    """Outward unit normal of a polygon's edge from each corner (n, 2) to the next."""
+    along = np.roll(corners, -1, axis=0) - corners
+    return np.column_stack((along[:, 1], -along[:, 0])) / np.hypot(along[:, 0], along[:, 1])[:, None]
+
+
 def thickness(outline: Outline) -> float:
     """The least width [m] of a convex outline."""
-    if outline.radius:
-        return 2.0 * outline.radius
-    vertices = np.array(outline.vertices)
-    along = np.roll(vertices, -1, axis=0) - vertices
-    normals = np.column_stack([-along[:, 1], along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
-    return float(np.ptp(normals @ vertices.T, axis=1).min())
+    corners = np.array(outline.vertices)
+    return 2.0 * outline.radius or float(min(np.ptp(corners @ normal) for normal in normals(corners)))
 
 
 def combined(outlines: Iterable[Outline]) -> Lamina:
