@@ -10,7 +10,14 @@ from typing import NamedTuple
 
 from haptic_sim.method_registry import AUTO
 from haptic_sim.reduction.assembly import Place, build
-from haptic_sim.reduction.method_choice import choose_method, choose_sub_step, refusal, step_inside, unkept_wish
+from haptic_sim.reduction.method_choice import (
+    choose_method,
+    choose_sub_step,
+    load_of,
+    refusal,
+    step_inside,
+    unkept_wish,
+)
 from haptic_sim.reduction.mobility import Touching, degrees_of_freedom, groups_of, moving_bodies, touching_pairs
 from haptic_sim.reduction.model import Model
 from haptic_sim.scene.geometry import Point, turned
@@ -124,14 +131,14 @@ def reduce_scene(scene: Scene, method: str | None = None) -> ReducedScene:
         rotation=_turning_matters(scene, touching, friction),
         axes=None if friction or restitution else _axes(scene, len(groups), touching),
     )
-    why_method = ASKED
+    why_method, names, load = ASKED, [group[0] for group in groups], load_of(arrays)
     if method in (None, AUTO):
-        method, why_method = choose_method(scene, arrays, [group[0] for group in groups], needs.axes)
+        method, why_method = choose_method(scene, arrays, names, load, needs.axes)
         if scene.method and (refused := refusal(scene, arrays, shape_names, method)):
             raise ValueError(refused)
     sub_step, why_step = choose_sub_step(scene, arrays, method)
-    unkept = unkept_wish(scene, arrays, [group[0] for group in groups], method, sub_step)
-    inside, why = step_inside(arrays, scene.error), (why_method, why_step)
+    unkept = unkept_wish(scene, arrays, names, load, method, sub_step)
+    inside, why = step_inside(arrays, load, scene.error), (why_method, why_step)
     return ReducedScene(scene, arrays, places, shape_names, needs, method, sub_step, inside, why, unkept)
 
 
