@@ -55,11 +55,8 @@ def _declared(n: int, s: int, v: int, p: int, j: int) -> np.dtype[np.void]:
             ("pair_surface", "f8", (p, 2)),
             ("joint_kind", "i8", (j,)),  # PIN, SLIDER or SPRING
             ("joint_bodies", "i8", (j, 2)),  # a and b
-            (
-                "joint_anchor",
-                "f8",
-                (j, 2, 2),
-            ),  # in the frame of a and of b [m]; they coincide at the start but of springs
+            # in the frame of a and of b [m]; those of pins and sliders coincide at the start
+            ("joint_anchor", "f8", (j, 2, 2)),
             ("joint_axis", "f8", (j, 2)),  # unit vector of a slider in the frame of a
             ("joint_angle", "f8", (j,)),  # of b less that of a at the start [rad]; a slider keeps it
             ("joint_limit", "f8", (j, 2)),  # least and largest coordinate, which is 0 at the start [rad | m]
