@@ -10,7 +10,7 @@ import numpy as np
 from haptic_sim.reduction.connected import connected
 from haptic_sim.reduction.model import SLIDER, SPRING, Model
 from haptic_sim.reduction.seams import cover_edges
-from haptic_sim.scene.geometry import Outline, normals, thickness
+from haptic_sim.scene.geometry import normals, width
 
 
 def lay_out(model: Model) -> None:
@@ -33,7 +33,7 @@ def _shape(corners: np.ndarray, radius: float) -> tuple[Any, np.ndarray, float, 
     if radius > 0.0:
         return 0.0, corners[0], radius, 2.0 * radius
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
-    return normals(corners), middle, np.hypot(*(corners - middle).T).max(), thickness(Outline(corners))
+    return normals(corners), middle, np.hypot(*(corners - middle).T).max(), width(corners)
 
 
 def _link(model: Model) -> None:

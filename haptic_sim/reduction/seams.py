@@ -21,6 +21,9 @@ MISFIT = 1e-6
 NEAR = 1e-4
 """m from the corner where an edge is looked at; of a short edge its quarter."""
 
+Faces = tuple[np.ndarray, np.ndarray]
+"""Corners of a polygon, and the normals of the edges that start there."""
+
 
 def cover_edges(model: Model) -> None:
     """Writes of each corner how deep below the surface an edge is covered from it on, into `covered` and `straight`."""
@@ -55,14 +58,14 @@ def _neighbours(model: Model) -> Iterator[tuple[int, list[int]]]:
             yield s, near
 
 
-def _bounds(model):
+def _bounds(model: Model) -> tuple[np.ndarray, np.ndarray]:
     """Least and largest coordinates of each shape in its body's frame [m]."""
     starts, radius = model.shape_start[:-1], model.radius[:, None]
     low, high = np.minimum.reduceat(model.vertices, starts), np.maximum.reduceat(model.vertices, starts)
     return low - radius, high + radius
 
 
-def _cover(faces, corner, to, along, normal):
+def _cover(faces: Faces, corner: np.ndarray, to: np.ndarray, along: np.ndarray, normal: np.ndarray) -> float:
     """How deep below the surface, of this normal and `along`, the edge from a corner `to` another is covered [m]."""
     if abs(_outside(faces, corner)) > MISFIT or _outside(faces, corner + _near(corner, along)) < -MISFIT:
         return 0.0
@@ -74,18 +77,18 @@ def _cover(faces, corner, to, along, normal):
     return float(min(1.0, ways.min(initial=1.0)) * ((corner - to) @ normal))
 
 
-def _near(corner, other):
+def _near(corner: np.ndarray, other: np.ndarray) -> np.ndarray:
     """The first bit of the way from a corner to another."""
     length = math.dist(corner, other)
     return (other - corner) * (min(NEAR, 0.25 * length) / length)
 
 
-def _faces(model, s):
+def _faces(model: Model, s: int) -> Faces:
     first, end = model.shape_start[s], model.shape_start[s + 1]
     return model.vertices[first:end], model.normals[first:end]
 
 
-def _outside(faces, point):
+def _outside(faces: Faces, point: np.ndarray) -> float:
     """How far a point is outside a polygon [m]; below zero inside."""
     points, normals = faces
     return float(np.max(np.sum((point - points) * normals, axis=1)))

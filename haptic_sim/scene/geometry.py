@@ -102,8 +102,12 @@ def normals(corners: np.ndarray) -> np.ndarray:
 
 def thickness(outline: Outline) -> float:
     """The least width [m] of a convex outline."""
-    corners = np.array(outline.vertices)
-    return 2.0 * outline.radius or float(min(np.ptp(corners @ normal) for normal in normals(corners)))
+    return 2.0 * outline.radius or width(np.array(outline.vertices))
+
+
+def width(corners: np.ndarray) -> float:
+    """The least width [m] of a convex polygon (n, 2)."""
+    return float(min(np.ptp(corners @ normal) for normal in normals(corners)))
 
 
 def combined(outlines: Iterable[Outline]) -> Lamina:
