@@ -78,7 +78,7 @@ class ContinuousCollision:
         """From now on these bodies are swept."""
         self._points, limits, extents = zip(*swept, strict=True)
         self._bodies, rank = bodies, {body: b for b, body in enumerate(bodies)}
-        ends = ((rank.get(joint.a), rank.get(joint.b)) for joint in self._space.constraints)
+        ends = ((rank.get(joint.a, -1), rank.get(joint.b, -1)) for joint in self._space.constraints)
         self._linked = {b: group for group in connected(rank.values(), ends) for b in group}
         self._limits, self._extents, self._ids, self._order = np.array(limits), np.array(extents), b"", [0]
         # A body that is hit may leave with twice the speed of what hits it, and `watch` sees it some steps later.
