@@ -92,7 +92,7 @@ def operating_point_problems(document: dict, nodes: Mapping[str, tuple[Parameter
             yield str(error)
             continue
         for name, value in given.items():
-            yield from (f"{key}: {sentence}" for sentence in _entry_problems(name, value, owners))
+            yield from (f"{key}: {sentence}" for sentence in entry_problems(name, value, owners))
 
 
 def _sections(document, path=""):
@@ -145,7 +145,8 @@ def _owners(key, nodes):
     return {last: nodes[last]}
 
 
-def _entry_problems(name, value, owners):
+def entry_problems(name, value, owners):
+    """One sentence for each thing that is wrong with a value for these nodes, {node: parameters}."""
     if ROS_OWN.fullmatch(name):
         return
     declared = [parameter for parameters in owners.values() for parameter in parameters if parameter.name == name]

@@ -11,8 +11,8 @@ from haptic_device.config_files import ConfigError
 from haptic_device.description import load_device
 from haptic_device.device import loopback_config, operator_hand
 from haptic_device.link_registry import SERVED
-from haptic_device.parameter_files import file_problems, operating_point_problems, right_values
-from haptic_device.parameter_types import SECTION, check_value, defaults, unknown
+from haptic_device.parameter_files import entry_problems, file_problems, operating_point_problems, right_values
+from haptic_device.parameter_types import SECTION, defaults
 from haptic_device.parameters import OPERATOR
 from haptic_sim.method_registry import AUTO
 from haptic_sim.node_parameters import NODES
@@ -263,15 +263,13 @@ def _any(names, begin) -> bool:
 
 def _motion(motion) -> list[str]:
     """What the loopback would refuse of a scene's suggested motion."""
-    known, wrong = {parameter.name: parameter for parameter in OPERATOR if parameter.name.startswith("motion.")}, []
     if not isinstance(motion, dict):  # which the scene's language refuses, if it is there
         return []
     if _refused(flat_motion, motion):  # likewise
         motion = {**motion, "waypoints": [0.0, 0.0, 0.0]}
     motion = {f"motion.{key}": value for key, value in flat_motion(motion).items()}
-    for name, value in motion.items():
-        strange = [] if name in known else [unknown(name, "a parameter of haptic_loopback", known)]
-        wrong += strange or _refused(functools.partial(check_value, known[name]), value)
+    known = {"haptic_loopback": [parameter for parameter in OPERATOR if parameter.name.startswith("motion.")]}
+    wrong = [sentence for item in motion.items() for sentence in entry_problems(*item, known)]
     return wrong or _refused(operator_hand.script, defaults(OPERATOR) | motion)
 
 

@@ -30,15 +30,7 @@ class LocalContacts:
         model = reduced.model
         self._world, self._model, self._scene = world, model, reduced.scene
         self._names = reduced.shape_names
-        self._features = (
-            model.shape_body,
-            model.shape_start,
-            model.vertices,
-            model.radius,
-            model.pairs,
-            model.pair_friction,
-            model.pair_restitution,
-        )
+        self._features = tuple(getattr(model, name) for name in proximity.READ)
         self._pose, self._velocity = model.pose.copy(), model.velocity.copy()
         self._candidates = np.zeros((proximity.MOST, proximity.COLUMNS))
         self._free = [_mobility(model, body) for body in range(len(model.mass))]

@@ -22,7 +22,7 @@ CONVERGED = 1e-14
 
 
 @njit
-def unconstrained_acceleration(model, layout, work, q, v):
+def unconstrained_acceleration(model, work, q, v):
     """Accelerations [m/s², rad/s²] without contacts, into work.constrained_dynamics; 0 for inactive linkages."""
     linkage, dynamics = work.linkage, work.constrained_dynamics
     applied_forces(model, q, v, True, work.joint_row, dynamics.force)
@@ -32,19 +32,19 @@ def unconstrained_acceleration(model, layout, work, q, v):
         for k in range(3):
             f[0, k] += dynamics.tool_force[k]
     zero_vectors(a, model.bodies)
-    for i in range(layout.linkages):
+    for i in range(model.linkages):
         if work.active[i] == 0:
             continue
-        reduce_linkage(model, layout, work, i, q, v, 0.0)
-        for m in range(layout.body_start[i], layout.body_start[i + 1]):
-            b = layout.order[m]
+        reduce_linkage(model, work, i, q, v, 0.0)
+        for m in range(model.body_start[i], model.body_start[i + 1]):
+            b = model.order[m]
             f[b, 0] -= model.mass[b] * linkage.bias[b, 0]
             f[b, 1] -= model.mass[b] * linkage.bias[b, 1]
             f[b, 2] -= model.inertia[b] * linkage.bias[b, 2]
-        apply_inverse_mass(layout, work, i, f, a)
-        for m in range(layout.body_start[i], layout.body_start[i + 1]):
+        apply_inverse_mass(model, work, i, f, a)
+        for m in range(model.body_start[i], model.body_start[i + 1]):
             for k in range(3):
-                a[layout.order[m], k] += linkage.bias[layout.order[m], k]
+                a[model.order[m], k] += linkage.bias[model.order[m], k]
 
 
 @njit
@@ -65,14 +65,14 @@ def work_at_port(work, x, y, angle):
 
 
 @njit
-def constrained_acceleration(model, layout, work, q, v, n):
+def constrained_acceleration(model, work, q, v, n):
     """Accelerations with n rows in their present modes, into work.constrained_dynamics.acceleration."""
-    unconstrained_acceleration(model, layout, work, q, v)
+    unconstrained_acceleration(model, work, q, v)
     if n == 0:
         return
-    place_shapes(model, layout, work, q)
-    evaluate_constraints(model, layout, work, q, v, n)
-    delassus_operator(model, layout, work, n)
+    place_shapes(model, work, q)
+    evaluate_constraints(model, work, q, v, n)
+    delassus_operator(model, work, n)
     for r in range(n):
         work.lcp.b[r] = constraint_rate(work, work.constrained_dynamics.acceleration, r) + work.constraints.gamma[r]
     solve_in_modes(work, n, 1.0)
@@ -80,7 +80,7 @@ def constrained_acceleration(model, layout, work, q, v, n):
 
 
 @njit
-def runge_kutta_step(model, layout, work, tau, n):
+def runge_kutta_step(model, work, tau, n):
     """Trial state after `tau` [s] from work.q, work.v, brought back to the constraints.
 
     The work of the coupling, and that of the rows, are integrated as well.
@@ -95,9 +95,9 @@ def runge_kutta_step(model, layout, work, tau, n):
         work.clock.stage = work.clock.state
         for k in range(s):
             if slopes[s, k] != 0.0:
-                add_slope(model, layout, work, at_q, at_v, tau * slopes[s, k], k)
+                add_slope(model, work, at_q, at_v, tau * slopes[s, k], k)
                 work.clock.stage += tau * slopes[s, k]
-        constrained_acceleration(model, layout, work, at_q, at_v, n)
+        constrained_acceleration(model, work, at_q, at_v, n)
         dynamics.slopes_taken[s] = -constraint_power(work, at_v, n)
         dynamics.slopes_supplied[s] = pull[0] * at_v[0, 0] + pull[1] * at_v[0, 1] + pull[2] * at_v[0, 2]
         for b in range(model.bodies):
@@ -107,10 +107,10 @@ def runge_kutta_step(model, layout, work, tau, n):
     copy_vectors(v, trial.v, model.bodies)
     trial.supplied, trial.taken, work.clock.stage = 0.0, 0.0, work.clock.state + tau
     for s in range(stages):
-        add_slope(model, layout, work, trial.q, trial.v, tau * weights[s], s)
+        add_slope(model, work, trial.q, trial.v, tau * weights[s], s)
         trial.supplied += tau * weights[s] * dynamics.slopes_supplied[s]
         trial.taken += tau * weights[s] * dynamics.slopes_taken[s]
-    project_onto_constraints(model, layout, work, trial.q, trial.v, n)
+    project_onto_constraints(model, work, trial.q, trial.v, n)
 
 
 @njit
@@ -123,10 +123,10 @@ def constraint_power(work, v, n):
 
 
 @njit
-def add_slope(model, layout, work, q, v, part, s):
+def add_slope(model, work, q, v, part, s):
     """Adds a part of the slopes of stage s for bodies that are being advanced."""
     for b in range(model.bodies - 1):
-        if work.active[layout.linkage[b]] == 0:
+        if work.active[model.linkage[b]] == 0:
             continue
         for k in range(3):
             q[b, k] += part * work.constrained_dynamics.slopes_q[s, b, k]
@@ -134,38 +134,38 @@ def add_slope(model, layout, work, q, v, part, s):
 
 
 @njit
-def project_onto_constraints(model, layout, work, q, v, n):
+def project_onto_constraints(model, work, q, v, n):
     """Newton steps of the dependent coordinates, then their velocities, then contacts that are held."""
-    for i in range(layout.linkages):
-        if work.active[i] > 0 and layout.joint_start[i + 1] > layout.joint_start[i]:
-            project_linkage(model, layout, work, i, q, v)
+    for i in range(model.linkages):
+        if work.active[i] > 0 and model.joint_start[i + 1] > model.joint_start[i]:
+            project_linkage(model, work, i, q, v)
     if n > 0:
-        project_contacts(model, layout, work, q, v, n)
+        project_contacts(model, work, q, v, n)
 
 
 @njit
-def project_linkage(model, layout, work, i, q, v):
+def project_linkage(model, work, i, q, v):
     """Dependent coordinates and velocities of a linkage from the independent ones."""
     linkage = work.linkage
-    first, J = layout.body_start[i], linkage.jacobian
-    columns = 3 * (layout.body_start[i + 1] - first)
-    rank = close_joints(model, layout, work, i, q, v)
+    first, J = model.body_start[i], linkage.jacobian
+    columns = 3 * (model.body_start[i + 1] - first)
+    rank = close_joints(model, work, i, q, v)
     for r in range(rank):
         total = 0.0
         for c in range(columns):
             if linkage.dependent[c] < 0:
-                total += J[r, c] * v[layout.order[first + c // 3], c % 3]
+                total += J[r, c] * v[model.order[first + c // 3], c % 3]
         c = linkage.pivot[r]
-        v[layout.order[first + c // 3], c % 3] = -total
+        v[model.order[first + c // 3], c % 3] = -total
 
 
 @njit
-def close_joints(model, layout, work, i, q, v):
+def close_joints(model, work, i, q, v):
     """Dependent coordinates of a linkage by Newton's method; returns the rank, J is left eliminated there."""
-    first, J, rank = layout.body_start[i], work.linkage.jacobian, 0
-    columns = 3 * (layout.body_start[i + 1] - first)
+    first, J, rank = model.body_start[i], work.linkage.jacobian, 0
+    columns = 3 * (model.body_start[i + 1] - first)
     for _ in range(8):
-        rank = partition_coordinates(work, joint_jacobian(model, layout, work, i, q, v), columns)
+        rank = partition_coordinates(work, joint_jacobian(model, work, i, q, v), columns)
         largest = 0.0
         for r in range(rank):
             largest = max(largest, abs(J[r, columns + 1]))
@@ -173,22 +173,22 @@ def close_joints(model, layout, work, i, q, v):
             break
         for r in range(rank):
             c = work.linkage.pivot[r]
-            q[layout.order[first + c // 3], c % 3] -= J[r, columns + 1]
+            q[model.order[first + c // 3], c % 3] -= J[r, columns + 1]
     return rank
 
 
 @njit
-def project_contacts(model, layout, work, q, v, n):
+def project_contacts(model, work, q, v, n):
     """Gaps of held contacts to zero, by the least motion in the sense of the masses; then held rates to zero.
 
     Sliding rows are left without force.
     """
-    for i in range(layout.linkages):
+    for i in range(model.linkages):
         if work.active[i] > 0:
-            reduce_linkage(model, layout, work, i, q, v, 0.0)
-    place_shapes(model, layout, work, q)
-    evaluate_constraints(model, layout, work, q, v, n)
-    delassus_operator(model, layout, work, n)
+            reduce_linkage(model, work, i, q, v, 0.0)
+    place_shapes(model, work, q)
+    evaluate_constraints(model, work, q, v, n)
+    delassus_operator(model, work, n)
     if largest_held_gap(work, n) > CONVERGED:
         for r in range(n):
             work.lcp.b[r] = work.constraints.gap[r] if work.constraints.kind[r] == NORMAL else 0.0

@@ -73,12 +73,12 @@ def add_constraint(work, r, a, b, kind, partner, mu, bound, source, index, key):
 
 
 @njit
-def add_contact_constraints(model, layout, work, r, pair, feature):
+def add_contact_constraints(model, work, r, pair, feature):
     """The rows of one contact: normal and, with friction, tangent."""
     if r + 2 > MOST_ROWS:
         work.counters.left_out += 1
         return r
-    a, b = layout.pair_bodies[pair, 0], layout.pair_bodies[pair, 1]
+    a, b = model.pair_bodies[pair, 0], model.pair_bodies[pair, 1]
     corners = model.corners
     key = (((pair * 2 + feature[0]) * corners + feature[1]) * corners + feature[2]) * 4 + 2 * (feature[3] + 1) % 4
     for k in range(4):
@@ -92,7 +92,7 @@ def add_contact_constraints(model, layout, work, r, pair, feature):
 
 
 @njit
-def add_joint_constraints(model, layout, work, first, q, v, slack, friction_scale):
+def add_joint_constraints(model, work, first, q, v, slack, friction_scale):
     """Rows of joints from `first` on; returns how many.
 
     Limits nearer than `slack`, dry friction and motors with their bounds times `friction_scale`.
@@ -100,7 +100,7 @@ def add_joint_constraints(model, layout, work, first, q, v, slack, friction_scal
     r = first
     for j in range(model.joints):
         a, b = model.joint_bodies[j, 0], model.joint_bodies[j, 1]
-        if model.joint_kind[j] == SPRING or not is_advanced(layout, work, a, b):
+        if model.joint_kind[j] == SPRING or not is_advanced(model, work, a, b):
             continue
         if r + 4 > MOST_ROWS:
             work.counters.left_out += 1
@@ -131,9 +131,9 @@ def add_drive_constraints(model, work, r, j, scale):
 
 
 @njit
-def is_advanced(layout, work, a, b):
+def is_advanced(model, work, a, b):
     """Whether one of two bodies belongs to a linkage that is being advanced."""
-    la, lb = layout.linkage[a], layout.linkage[b]
+    la, lb = model.linkage[a], model.linkage[b]
     return (la >= 0 and work.active[la] > 0) or (lb >= 0 and work.active[lb] > 0)
 
 
@@ -173,12 +173,12 @@ def store_modes(work, n):
 
 
 @njit
-def evaluate_constraints(model, layout, work, q, v, n):
+def evaluate_constraints(model, work, q, v, n):
     """G, γ and gap of all rows at q, v; the shapes have been placed at q."""
     rows, r = work.constraints, 0
     while r < n:
         if rows.source[r] == CONTACT:
-            evaluate_contact(layout, work, rows.feature[r])
+            evaluate_contact(model, work, rows.feature[r])
             tangent = r + 1 < n and rows.partner[r + 1] == r
             evaluate_contact_rows(model.pair_surface[rows.index[r]], work, q, v, r, tangent)
             r += 2 if tangent else 1

@@ -9,13 +9,13 @@ from haptic_sim.method.records import MOST_ROWS
 
 
 @njit
-def delassus_operator(model, layout, work, n):
+def delassus_operator(model, work, n):
     """W Gᵀ of all rows, and A = G W Gᵀ."""
     rows, delassus = work.constraints, work.delassus_operator
     f, P = delassus.force, delassus.response
     for r in range(n):
         a, b = rows.body_a[r], rows.body_b[r]
-        la, lb = layout.linkage[a], layout.linkage[b]
+        la, lb = model.linkage[a], model.linkage[b]
         for body in range(model.bodies):
             for k in range(3):
                 P[r, body, k] = 0.0
@@ -23,16 +23,16 @@ def delassus_operator(model, layout, work, n):
         zero_vector(f, b)
         for i in (la, lb):
             if i >= 0:
-                zero_linkage(layout, f, i)
+                zero_linkage(model, f, i)
         for k in range(3):
             f[a, k] += rows.G[r, k]
             f[b, k] += rows.G[r, 3 + k]
         if la >= 0 and work.active[la] > 0:
-            apply_inverse_mass(layout, work, la, f, delassus.answer)
-            keep_response(layout, work, la, r)
+            apply_inverse_mass(model, work, la, f, delassus.answer)
+            keep_response(model, work, la, r)
         if lb >= 0 and lb != la and work.active[lb] > 0:
-            apply_inverse_mass(layout, work, lb, f, delassus.answer)
-            keep_response(layout, work, lb, r)
+            apply_inverse_mass(model, work, lb, f, delassus.answer)
+            keep_response(model, work, lb, r)
         delassus.linkages[r, 0], delassus.linkages[r, 1] = la, lb
         for s in range(r + 1):
             lc, ld = delassus.linkages[s, 0], delassus.linkages[s, 1]
@@ -41,10 +41,10 @@ def delassus_operator(model, layout, work, n):
 
 
 @njit
-def keep_response(layout, work, i, r):
+def keep_response(model, work, i, r):
     """W Gᵀ of row r for the bodies of linkage i."""
-    for m in range(layout.body_start[i], layout.body_start[i + 1]):
-        b = layout.order[m]
+    for m in range(model.body_start[i], model.body_start[i + 1]):
+        b = model.order[m]
         for k in range(3):
             work.delassus_operator.response[r, b, k] = work.delassus_operator.answer[b, k]
 
@@ -71,10 +71,10 @@ def zero_vector(vectors, b):
 
 
 @njit
-def zero_linkage(layout, f, i):
+def zero_linkage(model, f, i):
     """Zero for all bodies of linkage i."""
-    for m in range(layout.body_start[i], layout.body_start[i + 1]):
-        zero_vector(f, layout.order[m])
+    for m in range(model.body_start[i], model.body_start[i + 1]):
+        zero_vector(f, model.order[m])
 
 
 @njit
@@ -117,13 +117,13 @@ def report_impulses(work, n, scale):
 
 
 @njit
-def keep_resting_forces(layout, work, n):
+def keep_resting_forces(model, work, n):
     """Keeps the forces of contacts whose bodies both sleep, for `report_resting`."""
     rows, report = work.constraints, work.report
     for k in range(report.count):
         report.resting_force[k, 0] = report.resting_force[k, 1] = 0.0
     for r in range(n):
-        if not is_advanced(layout, work, rows.body_a[r], rows.body_b[r]):
+        if not is_advanced(model, work, rows.body_a[r], rows.body_b[r]):
             at = report_entry(work, r)
             if at >= 0:
                 report.resting_force[at, 0], report.resting_force[at, 1] = impulse_on_b(work, n, r)

@@ -33,30 +33,30 @@ ZERO = 1e-15
 
 
 @njit
-def first_event(model, layout, work, n):
+def first_event(model, work, n):
     """(event, value) of the lowest below zero in the trial state, event −1 if none is.
 
     Events 0…p−1 are gaps of pairs, then follow the slips of the n rows, then the limits of joints.
     """
     trial = work.trial
-    place_shapes(model, layout, work, trial.q)
-    contact_forces_at(model, layout, work, trial.q, trial.v, n)
+    place_shapes(model, work, trial.q)
+    contact_forces_at(model, work, trial.q, trial.v, n)
     worst, event = -TOUCHING, -1
     for e in range(model.pair_count + n + model.joints):
-        value = event_value(model, layout, work, n, e)
+        value = event_value(model, work, n, e)
         if value < worst:
             worst, event = value, e
     return event, worst
 
 
 @njit
-def event_value(model, layout, work, n, e):
+def event_value(model, work, n, e):
     """What must not fall below zero, in the trial state whose shapes have been placed."""
     pairs = model.pair_count
     if e < pairs:
-        return pair_gap(model, layout, work, n, e)
+        return pair_gap(model, work, n, e)
     if e >= pairs + n:
-        return limit_gap(model, layout, work, n, e - pairs - n)
+        return limit_gap(model, work, n, e - pairs - n)
     r = e - pairs
     if work.constraints.kind[r] != SLIDING:
         return force_margin(work, r)
@@ -65,10 +65,10 @@ def event_value(model, layout, work, n, e):
 
 
 @njit
-def contact_forces_at(model, layout, work, q, v, n):
+def contact_forces_at(model, work, q, v, n):
     """Contact forces at q, v at the time of work.clock.stage into work.lcp.lam."""
     if n > 0:
-        constrained_acceleration(model, layout, work, q, v, n)
+        constrained_acceleration(model, work, q, v, n)
 
 
 @njit
@@ -83,13 +83,13 @@ def force_margin(work, r):
 
 
 @njit
-def pair_gap(model, layout, work, n, p):
+def pair_gap(model, work, n, p):
     """Gap of a pair [m]; if it is in contact, of what else of it could touch."""
     narrow_phase = work.narrow_phase
-    if not is_advanced(layout, work, layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]):
+    if not is_advanced(model, work, model.pair_bodies[p, 0], model.pair_bodies[p, 1]):
         return math.inf
     s, u = model.pairs[p, 0], model.pairs[p, 1]
-    distance = disc_distance(layout, work, s, u)
+    distance = disc_distance(model, work, s, u)
     if distance > 0.0:
         return distance
     held = False
@@ -98,15 +98,15 @@ def pair_gap(model, layout, work, n, p):
     if not held:
         return signed_gap(model, work, s, u)
     least = math.inf
-    for k in range(contact_features(model, layout, work, s, u)):
+    for k in range(contact_features(model, work, s, u)):
         if not has_constraint(work, n, p, narrow_phase.features[k]):
-            evaluate_contact(layout, work, narrow_phase.features[k])
+            evaluate_contact(model, work, narrow_phase.features[k])
             least = min(least, narrow_phase.contact.gap)
     return least
 
 
 @njit
-def limit_gap(model, layout, work, n, j):
+def limit_gap(model, work, n, j):
     """Way left to the nearer limit of joint j that is not held."""
     rows = work.constraints
     low, high = model.joint_limit[j, 0], model.joint_limit[j, 1]
@@ -114,7 +114,7 @@ def limit_gap(model, layout, work, n, j):
     if (
         unlimited
         or model.joint_kind[j] == SPRING
-        or not is_advanced(layout, work, model.joint_bodies[j, 0], model.joint_bodies[j, 1])
+        or not is_advanced(model, work, model.joint_bodies[j, 0], model.joint_bodies[j, 1])
     ):
         return math.inf
     for r in range(n):
@@ -128,13 +128,13 @@ def limit_gap(model, layout, work, n, j):
 
 
 @njit
-def locate_event(model, layout, work, n, tau, event, value):
+def locate_event(model, work, n, tau, event, value):
     """Moves the trial state to the first event within tau and returns its time [s]; −1 if it cannot be told."""
     for _ in range(6):
-        tau = find_zero(model, layout, work, n, tau, event, value)
+        tau = find_zero(model, work, n, tau, event, value)
         if tau < 0.0:
             return tau
-        other, value = first_event(model, layout, work, n)
+        other, value = first_event(model, work, n)
         if other < 0 or other == event:
             return tau
         event = other
@@ -142,30 +142,30 @@ def locate_event(model, layout, work, n, tau, event, value):
 
 
 @njit
-def value_after(model, layout, work, n, time, event):
+def value_after(model, work, n, time, event):
     """An event's value after `time` [s], which becomes the trial state."""
     trial = work.trial
     if time > 0.0:
-        runge_kutta_step(model, layout, work, time, n)
+        runge_kutta_step(model, work, time, n)
     else:
         copy_vectors(work.q, trial.q, model.bodies)
         copy_vectors(work.v, trial.v, model.bodies)
         work.clock.stage = work.clock.state
-    place_shapes(model, layout, work, trial.q)
-    contact_forces_at(model, layout, work, trial.q, trial.v, n)
-    return event_value(model, layout, work, n, event)
+    place_shapes(model, work, trial.q)
+    contact_forces_at(model, work, trial.q, trial.v, n)
+    return event_value(model, work, n, event)
 
 
 @njit
-def find_zero(model, layout, work, n, high, event, value_high):
+def find_zero(model, work, n, high, event, value_high):
     """Time at which the event's value passes zero downwards, before `high` where it is below."""
-    low, value_low = 0.0, value_after(model, layout, work, n, 0.0, event)
+    low, value_low = 0.0, value_after(model, work, n, 0.0, event)
     if value_low <= TOUCHING:
         # Just parted, and back within the step: the bracket starts where it is clear of the other shape.
         low, value_low = high, -1.0
         for _ in range(HALVINGS):
             low *= 0.5
-            value_low = value_after(model, layout, work, n, low, event)
+            value_low = value_after(model, work, n, low, event)
             if value_low > 0.0:
                 break
             high, value_high = low, value_low
@@ -178,7 +178,7 @@ def find_zero(model, layout, work, n, high, event, value_high):
             at = (low * value_high - high * value_low) / (value_high - value_low)
         else:  # all that could touch was held: a disc that rolls from a corner onto an edge
             at = 0.5 * (low + high)
-        value = value_after(model, layout, work, n, at, event)
+        value = value_after(model, work, n, at, event)
         if abs(value) <= ZERO or high - low <= 1e-16 * high:
             break
         if value > 0.0:

@@ -10,8 +10,6 @@ is, seen from the sampled port, not discrete-time passive.
 """
 
 from haptic_sim.method.planar import PlanarWorld
-from haptic_sim.method.sub_step import sub_steps
-from haptic_sim.reduction import ReducedScene
 
 
 class EventDriven(PlanarWorld):
@@ -19,6 +17,3 @@ class EventDriven(PlanarWorld):
 
     passive = False
     by_events = True
-
-    def __init__(self, reduced: ReducedScene, sub_step: float):
-        super().__init__(reduced, sub_step, sub_steps)

@@ -50,30 +50,30 @@ UNSOLVED, IMPACT_DUE = -1, -2
 
 
 @njit
-def integrate_through_events(model, layout, work, h):
+def integrate_through_events(model, work, h):
     """Advances the active linkages by h [s]; returns the time left over when it had to give up, else 0."""
-    for i in range(layout.linkages):
+    for i in range(model.linkages):
         work.event_integration.advanced[i] = work.active[i]
     work.clock.state = work.clock.stage = 0.0
     left = h
-    if fastest_rate(model, layout, work) * h > FOLLOWED * MOST_EVENTS:
+    if fastest_rate(model, work) * h > FOLLOWED * MOST_EVENTS:
         return left
     for _ in range(MOST_EVENTS):
-        n = active_constraints(model, layout, work, True)
+        n = active_constraints(model, work, True)
         if n == IMPACT_DUE:
-            resolve_impact(model, layout, work)
-            n = active_constraints(model, layout, work, True)
+            resolve_impact(model, work)
+            n = active_constraints(model, work, True)
         if n < 0:
             return left
-        resting = n > 0 and put_to_sleep(model, layout, work, n, left) > 0
-        if resting and count_awake(layout, work) == 0:
+        resting = n > 0 and put_to_sleep(model, work, n, left) > 0
+        if resting and count_awake(model, work) == 0:
             report_resting(work, left)
-            wake_up(layout, work)
+            wake_up(model, work)
             return 0.0
         if resting:
-            n = active_constraints(model, layout, work, False)
-        tau, event = integrate_to_event(model, layout, work, n, left) if n >= 0 else (-1.0, -1)
-        wake_up(layout, work)
+            n = active_constraints(model, work, False)
+        tau, event = integrate_to_event(model, work, n, left) if n >= 0 else (-1.0, -1)
+        wake_up(model, work)
         if tau < 0.0:
             return left
         report_impulses(work, n, tau)
@@ -84,7 +84,7 @@ def integrate_through_events(model, layout, work, h):
         work.port.supplied += work.trial.supplied
         work.accounts.contacts += work.trial.taken
         if event >= 0:
-            resolve_impact(model, layout, work)
+            resolve_impact(model, work)
         left -= tau
         if left <= 1e-15 * h:
             return 0.0
@@ -92,13 +92,13 @@ def integrate_through_events(model, layout, work, h):
 
 
 @njit
-def integrate_to_event(model, layout, work, n, left):
+def integrate_to_event(model, work, n, left):
     """Moves on until something happens, or the time is up; (time taken, event), time −1 if it cannot be told."""
-    tau = min(left, longest_safe_step(model, layout, work))
-    runge_kutta_step(model, layout, work, tau, n)
-    event, value = first_event(model, layout, work, n)
+    tau = min(left, longest_safe_step(model, work))
+    runge_kutta_step(model, work, tau, n)
+    event, value = first_event(model, work, n)
     if event >= 0:
-        tau = locate_event(model, layout, work, n, tau, event, value)
+        tau = locate_event(model, work, n, tau, event, value)
         if tau < 0.0:
             return tau, event
     copy_vectors(work.trial.q, work.q, model.bodies)
@@ -109,14 +109,14 @@ def integrate_to_event(model, layout, work, n, left):
 
 
 @njit
-def active_constraints(model, layout, work, all_awake):
+def active_constraints(model, work, all_awake):
     """Rows of contacts that touch and do not part, with modes; returns how many, or UNSOLVED, or IMPACT_DUE."""
     q, v = work.q, work.v
-    n = add_touching_contacts(model, layout, work)
-    n += add_joint_constraints(model, layout, work, n, q, v, TOUCHING, 1.0)
+    n = add_touching_contacts(model, work)
+    n += add_joint_constraints(model, work, n, q, v, TOUCHING, 1.0)
     if n == 0:
         return 0
-    evaluate_constraints(model, layout, work, q, v, n)
+    evaluate_constraints(model, work, q, v, n)
     n = keep_constraints(work, v, n, TOUCHING, RESTING)
     for r in range(n):
         if work.constraints.kind[r] == NORMAL and constraint_rate(work, v, r) < -RESTING:
@@ -124,8 +124,8 @@ def active_constraints(model, layout, work, all_awake):
     restore_modes(work, n)
     for r in range(n):
         set_sliding_direction(model, work, v, r)
-    unconstrained_acceleration(model, layout, work, q, v)
-    delassus_operator(model, layout, work, n)
+    unconstrained_acceleration(model, work, q, v)
+    delassus_operator(model, work, n)
     for r in range(n):
         work.lcp.b[r] = constraint_rate(work, work.constrained_dynamics.acceleration, r) + work.constraints.gamma[r]
     if principal_pivoting(work, n, 1.0, 60) < 0:
@@ -139,7 +139,7 @@ def active_constraints(model, layout, work, all_awake):
 
 
 @njit
-def put_to_sleep(model, layout, work, n, left):
+def put_to_sleep(model, work, n, left):
     """Linkages that do not move, nor would within the time left, by more than RESTING get velocity zero and sleep.
 
     The contact forces have been solved for and hold them: to integrate them would only move rounding about. Who
@@ -147,54 +147,54 @@ def put_to_sleep(model, layout, work, n, left):
     """
     a, moving = work.constrained_dynamics.acceleration, work.event_integration.moving
     apply_impulses(model, work, n, a)
-    for i in range(layout.linkages):
+    for i in range(model.linkages):
         moving[i] = 0
-        for m in range(layout.body_start[i], layout.body_start[i + 1]):
-            b = layout.order[m]
+        for m in range(model.body_start[i], model.body_start[i + 1]):
+            b = model.order[m]
             for k in range(3):
                 if abs(work.v[b, k]) > RESTING or abs(a[b, k]) * left > RESTING:
                     moving[i] = 1
     if work.coupling.event_driven:
-        moving[layout.linkage[0]] = 1
-    propagate_motion(layout, work, n)
+        moving[model.linkage[0]] = 1
+    propagate_motion(model, work, n)
     asleep = 0
-    for i in range(layout.linkages):
+    for i in range(model.linkages):
         if work.active[i] > 0 and moving[i] == 0:
             work.active[i] = 0
             asleep += 1
-            for m in range(layout.body_start[i], layout.body_start[i + 1]):
-                zero_vector(work.v, layout.order[m])
+            for m in range(model.body_start[i], model.body_start[i + 1]):
+                zero_vector(work.v, model.order[m])
     if asleep > 0:
-        keep_resting_forces(layout, work, n)
+        keep_resting_forces(model, work, n)
     return asleep
 
 
 @njit
-def propagate_motion(layout, work, n):
+def propagate_motion(model, work, n):
     """Who shares a row with one that moves moves too."""
     rows, moving, changed = work.constraints, work.event_integration.moving, True
     while changed:
         changed = False
         for r in range(n):
-            a, b = layout.linkage[rows.body_a[r]], layout.linkage[rows.body_b[r]]
+            a, b = model.linkage[rows.body_a[r]], model.linkage[rows.body_b[r]]
             if a >= 0 and b >= 0 and moving[a] != moving[b]:
                 moving[a] = moving[b] = 1
                 changed = True
 
 
 @njit
-def count_awake(layout, work):
+def count_awake(model, work):
     """How many linkages move."""
     count = 0
-    for i in range(layout.linkages):
+    for i in range(model.linkages):
         count += work.active[i]
     return count
 
 
 @njit
-def wake_up(layout, work):
+def wake_up(model, work):
     """All linkages that are being advanced are active again."""
-    for i in range(layout.linkages):
+    for i in range(model.linkages):
         work.active[i] = work.event_integration.advanced[i]
 
 
@@ -210,12 +210,12 @@ def set_sliding_direction(model, work, v, r):
 
 
 @njit
-def fastest_rate(model, layout, work):
+def fastest_rate(model, work):
     """Rate [1/s] at which spring-dampers of the linkages being advanced, or the coupling as a force, act at most."""
     fastest = 0.0
-    for i in range(layout.linkages):
+    for i in range(model.linkages):
         if work.active[i] > 0:
-            fastest = max(fastest, layout.rate[i])
+            fastest = max(fastest, model.rate[i])
     if work.coupling.event_driven:
         stiffness, damping, mass, inertia = (
             work.coupling.stiffness,
@@ -229,24 +229,24 @@ def fastest_rate(model, layout, work):
 
 
 @njit
-def longest_safe_step(model, layout, work):
+def longest_safe_step(model, work):
     """Time [s] within which no two shapes can meet and be through each other again: a quarter of their widths.
 
     Nor do spring-dampers, and the coupling where it is a force, act faster than the explicit formulas follow.
     """
-    longest = FOLLOWED / max(fastest_rate(model, layout, work), 1e-300)
+    longest = FOLLOWED / max(fastest_rate(model, work), 1e-300)
     for p in range(model.pair_count):
-        a, b = layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]
-        if not is_advanced(layout, work, a, b):
+        a, b = model.pair_bodies[p, 0], model.pair_bodies[p, 1]
+        if not is_advanced(model, work, a, b):
             continue
         s, u = model.pairs[p, 0], model.pairs[p, 1]
         v = work.v
         closing = math.hypot(v[b, 0] - v[a, 0], v[b, 1] - v[a, 1])
-        closing += abs(v[a, 2]) * layout.extent[a] + abs(v[b, 2]) * layout.extent[b]
+        closing += abs(v[a, 2]) * model.extent[a] + abs(v[b, 2]) * model.extent[b]
         if closing <= 0.0:
             continue
-        apart = disc_distance(layout, work, s, u)
+        apart = disc_distance(model, work, s, u)
         if apart <= 0.0:
             apart = signed_gap(model, work, s, u)
-        longest = min(longest, max(0.25 * (layout.thickness[s] + layout.thickness[u]), apart) / closing)
+        longest = min(longest, max(0.25 * (model.thickness[s] + model.thickness[u]), apart) / closing)
     return longest

@@ -48,18 +48,18 @@ MOST_SHARES, CLOSE = 16, 1e-9
 
 
 @njit
-def resolve_impact(model, layout, work):
+def resolve_impact(model, work):
     """Velocities after the impact at work.q; restitution is lowered where, with friction, it would add energy."""
-    before = kinetic_energy(model, layout, work, work.v)
-    n = impact_constraints(model, layout, work)
+    before = kinetic_energy(model, work, work.v)
+    n = impact_constraints(model, work)
     if n == 0:
         return
     copy_vectors(work.v, work.trial.v, model.bodies)
-    gained = energy_of_impact(model, layout, work, n, before, 1.0)
+    gained = energy_of_impact(model, work, n, before, 1.0)
     if gained > 0.0:
-        lower_restitution(model, layout, work, n, before, gained)
+        lower_restitution(model, work, n, before, gained)
     report_impulses(work, n, 1.0)
-    work.accounts.contacts += before - kinetic_energy(model, layout, work, work.v)
+    work.accounts.contacts += before - kinetic_energy(model, work, work.v)
 
 
 class Bracket(NamedTuple):
@@ -90,58 +90,58 @@ def narrowed(bracket, share, gained):
 
 
 @njit
-def lower_restitution(model, layout, work, n, before, gained):
+def lower_restitution(model, work, n, before, gained):
     """Velocities with the largest share of the restitution that gains no energy; the whole gains `gained` [J]."""
-    bracket = Bracket(0.0, energy_of_impact(model, layout, work, n, before, 0.0), 1.0, gained, 0)
+    bracket = Bracket(0.0, energy_of_impact(model, work, n, before, 0.0), 1.0, gained, 0)
     close = CLOSE * (bracket.lost - gained)
     for _ in range(MOST_SHARES):
         if bracket.lost >= close:
             break
         share = share_between(bracket)
-        bracket = narrowed(bracket, share, energy_of_impact(model, layout, work, n, before, share))
-    energy_of_impact(model, layout, work, n, before, bracket.low)
+        bracket = narrowed(bracket, share, energy_of_impact(model, work, n, before, share))
+    energy_of_impact(model, work, n, before, bracket.low)
 
 
 @njit
-def energy_of_impact(model, layout, work, n, before, share):
+def energy_of_impact(model, work, n, before, share):
     """Energy [J] beyond rounding that an impact adds to `before` with this share of the restitution."""
     copy_vectors(work.trial.v, work.v, model.bodies)
-    solve_impact(model, layout, work, n, share)
+    solve_impact(model, work, n, share)
     given = work_of_drives(model, work, work.v, n)
-    return kinetic_energy(model, layout, work, work.v) - given - before - 1e-12 * (before + abs(given))
+    return kinetic_energy(model, work, work.v) - given - before - 1e-12 * (before + abs(given))
 
 
 @njit
-def impact_constraints(model, layout, work):
+def impact_constraints(model, work):
     """Rows of all contacts that touch, and of joints at a limit; returns how many."""
-    n = add_touching_contacts(model, layout, work)
-    n += add_joint_constraints(model, layout, work, n, work.q, work.v, TOUCHING, 0.0)
-    evaluate_constraints(model, layout, work, work.q, work.v, n)
+    n = add_touching_contacts(model, work)
+    n += add_joint_constraints(model, work, n, work.q, work.v, TOUCHING, 0.0)
+    evaluate_constraints(model, work, work.q, work.v, n)
     n = keep_constraints(work, work.v, n, TOUCHING, math.inf)
-    for i in range(layout.linkages):
+    for i in range(model.linkages):
         if work.active[i] > 0:
-            reduce_linkage(model, layout, work, i, work.q, work.v, 0.0)
-    delassus_operator(model, layout, work, n)
+            reduce_linkage(model, work, i, work.q, work.v, 0.0)
+    delassus_operator(model, work, n)
     return n
 
 
 @njit
-def add_touching_contacts(model, layout, work):
+def add_touching_contacts(model, work):
     """Rows of all contacts that touch; returns how many."""
     n = 0
-    place_shapes(model, layout, work, work.q)
+    place_shapes(model, work, work.q)
     for p in range(model.pair_count):
         s, u = model.pairs[p, 0], model.pairs[p, 1]
-        if not is_advanced(layout, work, layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]):
+        if not is_advanced(model, work, model.pair_bodies[p, 0], model.pair_bodies[p, 1]):
             continue
-        if disc_distance(layout, work, s, u) <= TOUCHING and signed_gap(model, work, s, u) <= TOUCHING:
-            for k in range(contact_features(model, layout, work, s, u)):
-                n = add_contact_constraints(model, layout, work, n, p, work.narrow_phase.features[k])
+        if disc_distance(model, work, s, u) <= TOUCHING and signed_gap(model, work, s, u) <= TOUCHING:
+            for k in range(contact_features(model, work, s, u)):
+                n = add_contact_constraints(model, work, n, p, work.narrow_phase.features[k])
     return n
 
 
 @njit
-def solve_impact(model, layout, work, n, scale):
+def solve_impact(model, work, n, scale):
     """v⁺ with the pairs' restitution times `scale`."""
     rows, lcp = work.constraints, work.lcp
     for r in range(n):
@@ -154,10 +154,10 @@ def solve_impact(model, layout, work, n, scale):
 
 
 @njit
-def kinetic_energy(model, layout, work, v):
+def kinetic_energy(model, work, v):
     """Kinetic energy of the bodies that are being advanced [J]."""
     energy = 0.0
     for b in range(model.bodies - 1):
-        if work.active[layout.linkage[b]] > 0:
+        if work.active[model.linkage[b]] > 0:
             energy += 0.5 * (model.mass[b] * (v[b, 0] ** 2 + v[b, 1] ** 2) + model.inertia[b] * v[b, 2] ** 2)
     return energy

@@ -64,39 +64,39 @@ MOST_SOLUTIONS = 6
 
 
 @njit
-def implicit_step(model, layout, work, h):
+def implicit_step(model, work, h):
     """Advances the active linkages by one backward difference of h [s]; sets the force on the tool if it is one."""
     q, v, free = work.q, work.v, work.implicit_step.velocity
-    before = energy_of_active(model, layout, work, q, v)
+    before = energy_of_active(model, work, q, v)
     x, y, angle = q[0, 0], q[0, 1], q[0, 2]
-    unconstrained_velocity(model, layout, work, h)
-    n = add_joint_constraints(model, layout, work, 0, q, v, 1e9, h)
+    unconstrained_velocity(model, work, h)
+    n = add_joint_constraints(model, work, 0, q, v, 1e9, h)
     copy_vectors(free, work.trial.v, model.bodies)
-    start_collision_search(model, layout, work)
+    start_collision_search(model, work)
     for solution in range(MOST_SOLUTIONS):
-        move_trial(model, layout, work, h)
-        found = add_collisions(model, layout, work, n)
+        move_trial(model, work, h)
+        found = add_collisions(model, work, n)
         if found == n and (n == 0 or solution > 0):
             break
         n = found
-        solve_constraints(model, layout, work, n, h, 1.0)
-    move_trial(model, layout, work, h)
+        solve_constraints(model, work, n, h, 1.0)
+    move_trial(model, work, h)
     if has_rebound(model, work, n, h):
-        lower_rebounds(model, layout, work, n, h)
-    accept_trial(model, layout, work, n)
+        lower_rebounds(model, work, n, h)
+    accept_trial(model, work, n)
     given = work_of_drives(model, work, v, n)
-    reached = energy_of_active(model, layout, work, q, v)
-    stabilize(model, layout, work, n)
+    reached = energy_of_active(model, work, q, v)
+    stabilize(model, work, n)
     if work.contact_model.stiffness == 0.0:
         supplied = work_at_port(work, x, y, angle)
-        if work.active[layout.linkage[0]] == 0:
+        if work.active[model.linkage[0]] == 0:
             supplied = 0.0
-        energy_clamp(model, layout, work, before + supplied + given)
-    work.accounts.correction += energy_of_active(model, layout, work, q, v) - reached
+        energy_clamp(model, work, before + supplied + given)
+    work.accounts.correction += energy_of_active(model, work, q, v) - reached
 
 
 @njit
-def unconstrained_velocity(model, layout, work, h):
+def unconstrained_velocity(model, work, h):
     """v⁺ without contacts, of the active linkages, into work.implicit_step.velocity."""
     q, v, f, free = work.q, work.v, work.implicit_step.momentum, work.implicit_step.velocity
     handle, coupling = work.handle, work.coupling
@@ -109,30 +109,30 @@ def unconstrained_velocity(model, layout, work, h):
         spring = coupling.stiffness[k] * (handle.position[k] - q[0, k])
         f[0, k] += h * (spring + coupling.damping[k] * handle.velocity[k])
     copy_vectors(v, free, model.bodies)
-    for i in range(layout.linkages):
+    for i in range(model.linkages):
         if work.active[i] > 0:
-            reduce_linkage(model, layout, work, i, q, v, h)
-            apply_inverse_mass(layout, work, i, f, free)
+            reduce_linkage(model, work, i, q, v, h)
+            apply_inverse_mass(model, work, i, f, free)
 
 
 @njit
-def move_trial(model, layout, work, h):
+def move_trial(model, work, h):
     """Trial poses: the way of the step along the trial velocities; who is not held stays."""
     trial = work.trial
     copy_vectors(work.q, trial.q, model.bodies)
     for b in range(model.bodies - 1):
-        if work.active[layout.linkage[b]] > 0:
+        if work.active[model.linkage[b]] > 0:
             for k in range(3):
                 trial.q[b, k] += h * trial.v[b, k]
 
 
 @njit
-def solve_constraints(model, layout, work, n, h, scale):
+def solve_constraints(model, work, n, h, scale):
     """Trial velocities with n rows; restitution times `scale`."""
     rows, lcp, free = work.constraints, work.lcp, work.implicit_step.velocity
-    place_shapes(model, layout, work, work.q)
-    evaluate_constraints(model, layout, work, work.q, work.v, n)
-    delassus_operator(model, layout, work, n)
+    place_shapes(model, work, work.q)
+    evaluate_constraints(model, work, work.q, work.v, n)
+    delassus_operator(model, work, n)
     stiffness, damping = work.contact_model.stiffness, work.contact_model.damping
     for r in range(n):
         lcp.b[r] = constraint_rate(work, free, r)
@@ -196,39 +196,39 @@ def has_rebound(model, work, n, h):
 
 
 @njit
-def lower_rebounds(model, layout, work, n, h):
+def lower_rebounds(model, work, n, h):
     """Lowers all rebounds of the trial state alike, to the largest share by which the step gains no energy."""
-    gained = energy_gained(model, layout, work, n)
+    gained = energy_gained(model, work, n)
     if gained <= 0.0:
         return
-    bracket = Bracket(0.0, energy_gained_at(model, layout, work, n, h, 0.0), 1.0, gained, 0)
+    bracket = Bracket(0.0, energy_gained_at(model, work, n, h, 0.0), 1.0, gained, 0)
     close = CLOSE * (bracket.lost - gained)
     for _ in range(MOST_SHARES):
         if bracket.lost >= close:
             break
         share = share_between(bracket)
-        bracket = narrowed(bracket, share, energy_gained_at(model, layout, work, n, h, share))
-    energy_gained_at(model, layout, work, n, h, bracket.low)
+        bracket = narrowed(bracket, share, energy_gained_at(model, work, n, h, share))
+    energy_gained_at(model, work, n, h, bracket.low)
 
 
 @njit
-def energy_gained_at(model, layout, work, n, h, share):
+def energy_gained_at(model, work, n, h, share):
     """The same with this share of the rebounds, which becomes the trial state."""
-    solve_constraints(model, layout, work, n, h, share)
-    move_trial(model, layout, work, h)
-    return energy_gained(model, layout, work, n)
+    solve_constraints(model, work, n, h, share)
+    move_trial(model, work, h)
+    return energy_gained(model, work, n)
 
 
 @njit
-def energy_gained(model, layout, work, n):
+def energy_gained(model, work, n):
     """Energy [J] that the trial state has more than the present one and what port, motors and belts supply."""
     trial = work.trial
     supplied = work_of_drives(model, work, trial.v, n)
-    if work.active[layout.linkage[0]] > 0:
+    if work.active[model.linkage[0]] > 0:
         for k in range(3):
             supplied += coupling_force_at_end(work, k) * (trial.q[0, k] - work.q[0, k])
-    held = energy_of_active(model, layout, work, trial.q, trial.v)
-    return held - energy_of_active(model, layout, work, work.q, work.v) - supplied
+    held = energy_of_active(model, work, trial.q, trial.v)
+    return held - energy_of_active(model, work, work.q, work.v) - supplied
 
 
 @njit
@@ -239,7 +239,7 @@ def coupling_force_at_end(work, k):
 
 
 @njit
-def accept_trial(model, layout, work, n):
+def accept_trial(model, work, n):
     """Takes the trial state; books the contacts, what the rows take, and the force at the port.
 
     An impulse λ on a velocity that goes from v to v⁺ does the work λ · G (v + v⁺)/2.
@@ -247,7 +247,7 @@ def accept_trial(model, layout, work, n):
     q, v, trial = work.q, work.v, work.trial
     report_impulses(work, n, 1.0)
     work.accounts.contacts -= 0.5 * (constraint_power(work, v, n) + constraint_power(work, trial.v, n))
-    if work.active[layout.linkage[0]] > 0:
+    if work.active[model.linkage[0]] > 0:
         for k in range(3):
             work.port.force[k] = coupling_force_at_end(work, k)
     copy_vectors(trial.v, v, model.bodies)

@@ -28,22 +28,22 @@ REDUNDANT = 1e-10
 
 
 @njit
-def reduce_linkage(model, layout, work, i, q, v, h):
+def reduce_linkage(model, work, i, q, v, h):
     """Finds N, Y, a_p of linkage i at q, v; with h > 0 for a backward difference over h with the coupling."""
-    if layout.joint_start[i + 1] == layout.joint_start[i]:
-        first = layout.body_start[i]
-        reduce_free_body(model, work, i, layout.order[first], 3 * first, h)
+    if model.joint_start[i + 1] == model.joint_start[i]:
+        first = model.body_start[i]
+        reduce_free_body(model, work, i, model.order[first], 3 * first, h)
     else:
-        reduce_jointed(model, layout, work, i, q, v, h)
+        reduce_jointed(model, work, i, q, v, h)
 
 
 @njit
-def reduce_jointed(model, layout, work, i, q, v, h):
+def reduce_jointed(model, work, i, q, v, h):
     """The same of a linkage with joints."""
-    first, columns = layout.body_start[i], 3 * (layout.body_start[i + 1] - layout.body_start[i])
-    partition_coordinates(work, joint_jacobian(model, layout, work, i, q, v), columns)
-    work.linkage.freedoms[i] = null_space(layout, work, first, columns)
-    reduced_mass(model, layout, work, i, q, v, h)
+    first, columns = model.body_start[i], 3 * (model.body_start[i + 1] - model.body_start[i])
+    partition_coordinates(work, joint_jacobian(model, work, i, q, v), columns)
+    work.linkage.freedoms[i] = null_space(model, work, first, columns)
+    reduced_mass(model, work, i, q, v, h)
     factor_mass(work, 3 * first, work.linkage.freedoms[i], columns)
 
 
@@ -66,15 +66,15 @@ def reduce_free_body(model, work, i, b, row, h):
 
 
 @njit
-def joint_jacobian(model, layout, work, i, q, v):
+def joint_jacobian(model, work, i, q, v):
     """[J | γ | φ] of linkage i; returns the number of rows."""
-    J, columns = work.linkage.jacobian, 3 * (layout.body_start[i + 1] - layout.body_start[i])
+    J, columns = work.linkage.jacobian, 3 * (model.body_start[i + 1] - model.body_start[i])
     r = 0
-    for m in range(layout.joint_start[i], layout.joint_start[i + 1]):
-        j = layout.joint_order[m]
+    for m in range(model.joint_start[i], model.joint_start[i + 1]):
+        j = model.joint_order[m]
         if model.joint_kind[j] == SPRING:
             continue
-        a, b = layout.place_in[model.joint_bodies[j, 0]], layout.place_in[model.joint_bodies[j, 1]]
+        a, b = model.place_in[model.joint_bodies[j, 0]], model.place_in[model.joint_bodies[j, 1]]
         for k in range(2):
             phi, gamma = constraint_row(model, q, v, j, k, work.joint_row)
             for c in range(columns):
@@ -122,7 +122,7 @@ def partition_coordinates(work, rows, columns):
 
 
 @njit
-def null_space(layout, work, first, columns):
+def null_space(model, work, first, columns):
     """Rows of Nᵀ into work.linkage.N, a_p into work.linkage.bias; returns the number of independent coordinates."""
     linkage = work.linkage
     J, N, u = linkage.jacobian, linkage.N, 0
@@ -135,19 +135,19 @@ def null_space(layout, work, first, columns):
         u += 1
     for c in range(columns):
         r = linkage.dependent[c]
-        linkage.bias[layout.order[first + c // 3], c % 3] = -J[r, columns] if r >= 0 else 0.0
+        linkage.bias[model.order[first + c // 3], c % 3] = -J[r, columns] if r >= 0 else 0.0
     return u
 
 
 @njit
-def reduced_mass(model, layout, work, i, q, v, h):
+def reduced_mass(model, work, i, q, v, h):
     """Nᵀ M N of linkage i into work.linkage.reduced."""
     linkage = work.linkage
-    first, d, N, R = layout.body_start[i], linkage.freedoms[i], linkage.N, linkage.reduced
+    first, d, N, R = model.body_start[i], linkage.freedoms[i], linkage.N, linkage.reduced
     coupling = work.coupling
-    columns = 3 * (layout.body_start[i + 1] - first)
+    columns = 3 * (model.body_start[i + 1] - first)
     for c in range(columns):
-        b = layout.order[first + c // 3]
+        b = model.order[first + c // 3]
         mass = model.inertia[b] if c % 3 == 2 else model.mass[b]
         if b == 0 and h > 0.0:
             mass += h * coupling.damping[c % 3] + h * h * coupling.stiffness[c % 3]
@@ -159,15 +159,15 @@ def reduced_mass(model, layout, work, i, q, v, h):
                 total += N[u, c] * linkage.mass[c] * N[w, c]
             R[u, w] = total
     if h > 0.0:
-        for m in range(layout.joint_start[i], layout.joint_start[i + 1]):
-            add_spring_to_mass(model, layout, work, layout.joint_order[m], q, v, h, d)
+        for m in range(model.joint_start[i], model.joint_start[i + 1]):
+            add_spring_to_mass(model, work, model.joint_order[m], q, v, h, d)
 
 
 @njit
-def add_spring_to_mass(model, layout, work, j, q, v, h, d):
+def add_spring_to_mass(model, work, j, q, v, h, d):
     """(h c + h² k) of a spring-damper along its rows, seen from the independent coordinates."""
     linkage = work.linkage
-    a, b = layout.place_in[model.joint_bodies[j, 0]], layout.place_in[model.joint_bodies[j, 1]]
+    a, b = model.place_in[model.joint_bodies[j, 0]], model.place_in[model.joint_bodies[j, 1]]
     weight = h * model.joint_spring[j, 1] + h * h * model.joint_spring[j, 0]
     for k in range(spring_row_count(model, j)):
         spring_row(model, q, v, j, k, work.joint_row)
@@ -203,15 +203,15 @@ def factor_mass(work, row, d, columns):
 
 
 @njit
-def apply_inverse_mass(layout, work, i, f, out):
+def apply_inverse_mass(model, work, i, f, out):
     """out = W f for the bodies of linkage i; f and out (n, 3)."""
     linkage = work.linkage
-    first, columns = layout.body_start[i], 3 * (layout.body_start[i + 1] - layout.body_start[i])
+    first, columns = model.body_start[i], 3 * (model.body_start[i + 1] - model.body_start[i])
     for c in range(columns):
-        out[layout.order[first + c // 3], c % 3] = 0.0
+        out[model.order[first + c // 3], c % 3] = 0.0
     for u in range(linkage.freedoms[i]):
         total = 0.0
         for c in range(columns):
-            total += linkage.Y[3 * first + u, c] * f[layout.order[first + c // 3], c % 3]
+            total += linkage.Y[3 * first + u, c] * f[model.order[first + c // 3], c % 3]
         for c in range(columns):
-            out[layout.order[first + c // 3], c % 3] += linkage.Y[3 * first + u, c] * total
+            out[model.order[first + c // 3], c % 3] += linkage.Y[3 * first + u, c] * total

@@ -33,35 +33,35 @@ FLUSH = 0.9
 
 
 @njit
-def place_shapes(model, layout, work, q):
+def place_shapes(model, work, q):
     """Vertices, edge normals and disc centres of all shapes in the plane, bodies at poses `q`."""
     body, c, sn = -1, 1.0, 0.0
     for s in range(model.shapes):
         b = model.shape_body[s]
         if b != body:
             body, c, sn = b, math.cos(q[b, 2]), math.sin(q[b, 2])
-        place_shape(model, layout, work, s, q[b, 0], q[b, 1], c, sn)
+        place_shape(model, work, s, q[b, 0], q[b, 1], c, sn)
 
 
 @njit
-def place_shape(model, layout, work, s, x, y, c, sn):
+def place_shape(model, work, s, x, y, c, sn):
     """The same of one shape, with its body's mass centre and the cosine and sine of its angle given."""
     narrow_phase = work.narrow_phase
     points, normals, middles = narrow_phase.points, narrow_phase.normals, narrow_phase.middles
-    mx, my = layout.middle[s, 0], layout.middle[s, 1]
+    mx, my = model.middle[s, 0], model.middle[s, 1]
     middles[s, 0], middles[s, 1] = x + c * mx - sn * my, y + sn * mx + c * my
     for v in range(model.shape_start[s], model.shape_start[s + 1]):
         vx, vy = model.vertices[v, 0], model.vertices[v, 1]
         points[v, 0], points[v, 1] = x + c * vx - sn * vy, y + sn * vx + c * vy
-        nx, ny = layout.normals[v, 0], layout.normals[v, 1]
+        nx, ny = model.normals[v, 0], model.normals[v, 1]
         normals[v, 0], normals[v, 1] = c * nx - sn * ny, sn * nx + c * ny
 
 
 @njit
-def disc_distance(layout, work, s, u):
+def disc_distance(model, work, s, u):
     """Distance of the discs around two shapes [m]: a lower bound of their gap."""
     middles = work.narrow_phase.middles
-    return math.hypot(middles[u, 0] - middles[s, 0], middles[u, 1] - middles[s, 1]) - layout.reach[s] - layout.reach[u]
+    return math.hypot(middles[u, 0] - middles[s, 0], middles[u, 1] - middles[s, 1]) - model.reach[s] - model.reach[u]
 
 
 @njit
@@ -108,35 +108,35 @@ def signed_gap(model, work, s, u):
 
 
 @njit
-def contact_features(model, layout, work, s, u):
+def contact_features(model, work, s, u):
     """Writes the features by which two shapes touch or come nearest into narrow_phase; returns how many, 1 or 2."""
     a0, a1, b0, b1 = model.shape_start[s], model.shape_start[s + 1], model.shape_start[u], model.shape_start[u + 1]
     ra, rb = model.radius[s], model.radius[u]
     if ra > 0.0 and rb > 0.0:
         return write_feature(work, 0, TWO_POINTS, a0, b0, 0)
     if rb > 0.0:
-        corner, edge = nearest_of_polygon(layout, work, b0, rb, a0, a1)
+        corner, edge = nearest_of_polygon(model, work, b0, rb, a0, a1)
         return (
             write_feature(work, 0, ON_EDGE, b0, edge, 1)
             if corner < 0
             else write_feature(work, 0, TWO_POINTS, corner, b0, 0)
         )
     if ra > 0.0:
-        corner, edge = nearest_of_polygon(layout, work, a0, ra, b0, b1)
+        corner, edge = nearest_of_polygon(model, work, a0, ra, b0, b1)
         return (
             write_feature(work, 0, ON_EDGE, a0, edge, -1)
             if corner < 0
             else write_feature(work, 0, TWO_POINTS, a0, corner, 0)
         )
-    sep_a, edge_a, deep_b = touching_edge(layout, work, a0, a1, b0, b1)
-    sep_b, edge_b, deep_a = touching_edge(layout, work, b0, b1, a0, a1)
+    sep_a, edge_a, deep_b = touching_edge(model, work, a0, a1, b0, b1)
+    sep_b, edge_b, deep_a = touching_edge(model, work, b0, b1, a0, a1)
     if sep_a >= sep_b - 1e-9 * abs(sep_b):
         return edge_features(work, edge_a, a0, a1, deep_b, b0, b1, 1)
     return edge_features(work, edge_b, b0, b1, deep_a, a0, a1, -1)
 
 
 @njit
-def touching_edge(layout, work, a0, a1, b0, b1):
+def touching_edge(model, work, a0, a1, b0, b1):
     """As `separating_edge`, but an edge that is hidden at a seam, or faces one that is, only if all are."""
     normals = work.narrow_phase.normals
     best, edge, deep = -math.inf, a0, b0
@@ -145,7 +145,7 @@ def touching_edge(layout, work, a0, a1, b0, b1):
         before = at - 1 if at > b0 else b1 - 1
         turn_x, turn_y = normals[at, 0] - normals[before, 0], normals[at, 1] - normals[before, 1]
         facing = at if normals[e, 0] * turn_x + normals[e, 1] * turn_y < 0.0 else before
-        if is_hidden(layout, work, e, a0, a1, b0, b1) or is_hidden(layout, work, facing, b0, b1, a0, a1):
+        if is_hidden(model, work, e, a0, a1, b0, b1) or is_hidden(model, work, facing, b0, b1, a0, a1):
             least -= HIDDEN
         if least > best:
             best, edge, deep = least, e, at
@@ -166,24 +166,24 @@ def separation(work, e, b0, b1):
 
 
 @njit
-def is_hidden(layout, work, e, a0, a1, b0, b1):
+def is_hidden(model, work, e, a0, a1, b0, b1):
     """Whether the other shape overlaps the surface beside edge e by less than the depth to which that covers e."""
     after, before = e + 1 if e + 1 < a1 else a0, e - 1 if e > a0 else a1 - 1
-    at_start, at_end = layout.covered[e, 0], layout.covered[after, 1]
+    at_start, at_end = model.covered[e, 0], model.covered[after, 1]
     if at_start > 0.0 and separation(work, before, b0, b1)[0] > -at_start:
         return True
     return at_end > 0.0 and separation(work, after, b0, b1)[0] > -at_end
 
 
 @njit
-def nearest_of_polygon(layout, work, c, radius, a0, a1):
+def nearest_of_polygon(model, work, c, radius, a0, a1):
     """(corner or -1, edge) by which a polygon touches a disc about vertex `c`; at a seam its edge, not a corner."""
     points, normals = work.narrow_phase.points, work.narrow_phase.normals
     gap, corner, edge = disc_to_polygon(work, c, radius, a0, a1)
-    if corner >= 0 and layout.straight[corner] > 0.0:
+    if corner >= 0 and model.straight[corner] > 0.0:
         nx, ny = normals[edge, 0], normals[edge, 1]
         beside = (points[c, 0] - points[edge, 0]) * nx + (points[c, 1] - points[edge, 1]) * ny - radius
-        if gap - beside < layout.straight[corner]:
+        if gap - beside < model.straight[corner]:
             return -1, edge
     return corner, edge
 
@@ -239,7 +239,7 @@ def projects_into_edge(work, v, e, after):
 
 
 @njit
-def evaluate_contact(layout, work, feature):
+def evaluate_contact(model, work, feature):
     """The contact at one feature into work.narrow_phase.contact, for the poses that the shapes were placed at."""
     narrow_phase = work.narrow_phase
     points, normals, out = narrow_phase.points, narrow_phase.normals, narrow_phase.contact
@@ -247,12 +247,12 @@ def evaluate_contact(layout, work, feature):
     if feature[0] == TWO_POINTS:
         dx, dy = points[second, 0] - points[first, 0], points[second, 1] - points[first, 1]
         d = math.hypot(dx, dy)
-        nx, ny, ra = dx / d, dy / d, layout.disc[first]
-        out.gap, out.nx, out.ny, out.curvature, out.owner = d - ra - layout.disc[second], nx, ny, 1.0 / d, 0.0
+        nx, ny, ra = dx / d, dy / d, model.disc[first]
+        out.gap, out.nx, out.ny, out.curvature, out.owner = d - ra - model.disc[second], nx, ny, 1.0 / d, 0.0
         out.ax, out.ay, out.bx, out.by = points[first, 0], points[first, 1], points[second, 0], points[second, 1]
         out.px, out.py = points[first, 0] + ra * nx, points[first, 1] + ra * ny
         return
-    nx, ny, r, x, y = normals[second, 0], normals[second, 1], layout.disc[first], points[first, 0], points[first, 1]
+    nx, ny, r, x, y = normals[second, 0], normals[second, 1], model.disc[first], points[first, 0], points[first, 1]
     sign = float(feature[3])
     out.gap = (x - points[second, 0]) * nx + (y - points[second, 1]) * ny - r
     out.nx, out.ny, out.curvature, out.owner = sign * nx, sign * ny, 0.0, sign

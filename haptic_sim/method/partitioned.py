@@ -9,14 +9,9 @@ port. Both stand on the same generalized coordinates (`linkage`) and the same di
 """
 
 from haptic_sim.method.planar import PlanarWorld
-from haptic_sim.method.sub_step import sub_steps
-from haptic_sim.reduction import ReducedScene
 
 
 class Partitioned(PlanarWorld):
     """A scene stepped by `sub_step` [s] in generalized coordinates."""
 
     passive = True
-
-    def __init__(self, reduced: ReducedScene, sub_step: float):
-        super().__init__(reduced, sub_step, sub_steps)

@@ -8,13 +8,11 @@ stability". It creates energy, lets thin walls through and picks its constraint 
 
 from haptic_sim.method.penalty_kernel import penalty_steps
 from haptic_sim.method.planar import PlanarWorld
-from haptic_sim.reduction import ReducedScene
 
 
 class PenaltyExplicit(PlanarWorld):
     """A scene stepped by `sub_step` [s]; `stiffness` [N/m] and `damping` [N s/m] of a contact; without restitution."""
 
     passive = False
-
-    def __init__(self, reduced: ReducedScene, sub_step: float, stiffness: float = 1e4, damping: float = 5.0):
-        super().__init__(reduced, sub_step, penalty_steps, stiffness, damping)
+    contact = 1e4, 5.0
+    advance = staticmethod(penalty_steps)

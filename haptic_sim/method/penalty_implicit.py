@@ -9,14 +9,10 @@ it claims none.
 """
 
 from haptic_sim.method.planar import PlanarWorld
-from haptic_sim.method.sub_step import sub_steps
-from haptic_sim.reduction import ReducedScene
 
 
 class PenaltyImplicit(PlanarWorld):
     """A scene stepped by `sub_step` [s]; `stiffness` [N/m] and `damping` [N s/m] of a contact; without restitution."""
 
     passive = False
-
-    def __init__(self, reduced: ReducedScene, sub_step: float, stiffness: float = 1e5, damping: float = 10.0):
-        super().__init__(reduced, sub_step, sub_steps, stiffness, damping)
+    contact = 1e5, 10.0

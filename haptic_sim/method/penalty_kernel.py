@@ -31,41 +31,41 @@ from haptic_sim.method.sub_step import interpolate_handle, summarize_contacts
 
 
 @kernel
-def penalty_steps(models, layouts, works, h, count, path):
+def penalty_steps(models, works, h, count, path):
     """`count` sub-steps from each row of the handle's path (position, velocity) evenly to the next."""
-    model, layout, work = models[0], layouts[0], works[0]
-    for i in range(layout.linkages):
+    model, work = models[0], works[0]
+    for i in range(model.linkages):
         work.active[i] = 1
     for k in range(count * (len(path) - 1)):
         interpolate_handle(work, path, k // count, (k % count + 1) / count)
-        penalty_step(model, layout, work, h)
-        summarize_contacts(layout, work, h)
+        penalty_step(model, work, h)
+        summarize_contacts(model, work, h)
 
 
 @njit
-def penalty_step(model, layout, work, h):
+def penalty_step(model, work, h):
     """Advances all bodies by h [s] and books the energy supplied at the tool's port."""
     q, v, f = work.q, work.v, work.penalty_kernel.force
     x, y, angle = q[0, 0], q[0, 1], q[0, 2]
     work.report.count = 0
     applied_forces(model, q, v, True, work.joint_row, f)
     explicit_coupling_force(work, f)
-    n = explicit_contact_forces(model, layout, work, f, h)
+    n = explicit_contact_forces(model, work, f, h)
     work.accounts.contacts -= 0.5 * h * constraint_power(work, v, n)
     for b in range(model.bodies - 1):
         mass = model.mass[b]
         f[b, 0], f[b, 1] = mass * v[b, 0] + h * f[b, 0], mass * v[b, 1] + h * f[b, 1]
         f[b, 2] = model.inertia[b] * v[b, 2] + h * f[b, 2]
-    for i in range(layout.linkages):
-        reduce_linkage(model, layout, work, i, q, v, 0.0)
-        apply_inverse_mass(layout, work, i, f, v)
+    for i in range(model.linkages):
+        reduce_linkage(model, work, i, q, v, 0.0)
+        apply_inverse_mass(model, work, i, f, v)
     work.accounts.contacts -= 0.5 * h * constraint_power(work, v, n)
     for b in range(model.bodies - 1):
         for k in range(3):
             q[b, k] += h * v[b, k]
-    for i in range(layout.linkages):
-        if layout.joint_start[i + 1] > layout.joint_start[i]:
-            stabilize_linkage(model, layout, work, i)
+    for i in range(model.linkages):
+        if model.joint_start[i + 1] > model.joint_start[i]:
+            stabilize_linkage(model, work, i)
     work.port.supplied += work_at_port(work, x, y, angle)
 
 
@@ -80,18 +80,18 @@ def explicit_coupling_force(work, f):
 
 
 @njit
-def explicit_contact_forces(model, layout, work, f, h):
+def explicit_contact_forces(model, work, f, h):
     """Adds what overlapping shapes, limits and dry friction in joints push to the forces f; returns how many rows."""
     rows, lcp = work.constraints, work.lcp
-    place_shapes(model, layout, work, work.q)
+    place_shapes(model, work, work.q)
     n = 0
     for p in range(model.pair_count):
         s, u = model.pairs[p, 0], model.pairs[p, 1]
-        if disc_distance(layout, work, s, u) < 0.0 and signed_gap(model, work, s, u) < 0.0:
-            for k in range(contact_features(model, layout, work, s, u)):
-                n = add_contact_constraints(model, layout, work, n, p, work.narrow_phase.features[k])
-    n += add_joint_constraints(model, layout, work, n, work.q, work.v, 0.0, 1.0)
-    evaluate_constraints(model, layout, work, work.q, work.v, n)
+        if disc_distance(model, work, s, u) < 0.0 and signed_gap(model, work, s, u) < 0.0:
+            for k in range(contact_features(model, work, s, u)):
+                n = add_contact_constraints(model, work, n, p, work.narrow_phase.features[k])
+    n += add_joint_constraints(model, work, n, work.q, work.v, 0.0, 1.0)
+    evaluate_constraints(model, work, work.q, work.v, n)
     stiffness, damping = work.contact_model.stiffness, work.contact_model.damping
     for r in range(n):
         rate = constraint_rate(work, work.v, r)
@@ -110,16 +110,16 @@ def explicit_contact_forces(model, layout, work, f, h):
 
 
 @kernel
-def contact_energy(models, layouts, works):
+def contact_energy(models, works):
     """Energy stored in the springs of all contacts [J]."""
-    model, layout, work = models[0], layouts[0], works[0]
-    place_shapes(model, layout, work, work.q)
+    model, work = models[0], works[0]
+    place_shapes(model, work, work.q)
     energy = 0.0
     for p in range(model.pair_count):
         s, u = model.pairs[p, 0], model.pairs[p, 1]
-        if disc_distance(layout, work, s, u) >= 0.0:
+        if disc_distance(model, work, s, u) >= 0.0:
             continue
-        for k in range(contact_features(model, layout, work, s, u)):
-            evaluate_contact(layout, work, work.narrow_phase.features[k])
+        for k in range(contact_features(model, work, s, u)):
+            evaluate_contact(model, work, work.narrow_phase.features[k])
             energy += 0.5 * work.contact_model.stiffness * min(work.narrow_phase.contact.gap, 0.0) ** 2
     return energy

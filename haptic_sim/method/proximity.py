@@ -23,6 +23,7 @@ FAR = 1e3  # [m] trust where none was left out
 FIELDS = len(contact_model.EACH)
 URGENCY, BODY, WORLD_NX, WORLD_NY, LEADER = range(FIELDS, FIELDS + 5)
 COLUMNS = FIELDS + 5  # URGENCY: way [m] until it matters; LEADER: candidate of its group with the largest gap, or −1
+READ = "shape_body", "shape_start", "vertices", "radius", "pairs", "pair_friction", "pair_restitution"
 CORNERS = 64  # of a shape, at most; numbers of an identity
 
 
@@ -31,7 +32,7 @@ def find(model, pose, velocity, lead, out):
     """Fills in candidates (MOST, COLUMNS) for the tool at pose[0]; returns how many there are.
 
     lead [s]: after which they are used; pose, velocity: of all bodies.
-    model: (shape_body, shape_start, vertices, radius, pairs, friction, restitution).
+    model: its arrays READ.
     """
     body, start, corners, radius, pairs, friction, restitution = model
     count = 0

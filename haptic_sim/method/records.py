@@ -1,32 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the compiled methods calculate with: three records of fixed layout, made once for a model.
+"""What the compiled methods calculate with: the model (constants of the scene), and the work.
 
-A record is passed to a kernel as one pointer, and all scenes share one compiled code. So there is a most of each thing;
-a scene that needs more is refused with that number. The records: the model (constants of the scene), its layout (what
-follows from it: edge normals, linkages) and the work (state of the bodies, and a record of each stage's own).
+The work is a record too, of one layout for all scenes: state of the bodies, and a record of each stage's own.
 """
 
 import numba
 import numpy as np
 
-from haptic_sim.method.layout import lay_out
-from haptic_sim.reduction.model import (
-    MOST_BODIES,
-    MOST_CORNERS,
-    MOST_JOINTS,
-    MOST_LINKED,
-    MOST_PAIRS,
-    MOST_SHAPES,
-    Model,
-    too_much,
-)
+from haptic_sim.reduction.model import MOST, MOST_LINKED, Model, too_much
 
 MOST_ROWS = 200
 STAGES = 12
 
-_n, _s, _v, _p, _j, _r = MOST_BODIES, MOST_SHAPES, MOST_CORNERS, MOST_PAIRS, MOST_JOINTS, MOST_ROWS
-_c, _k = 3 * MOST_LINKED, 2 * MOST_JOINTS
-_z = 2 * MOST_ROWS + 2 * MOST_JOINTS  # of two rows one is a normal; a joint may have friction and a motor alone
+(_n, _s, _v, _p, _j), _r = MOST, MOST_ROWS
+_c, _k = 3 * MOST_LINKED, 2 * _j
+_z = 2 * _r + 2 * _j  # of two rows one is a normal; a joint may have friction and a motor alone
 
 
 def _reals(**shapes):
@@ -36,35 +24,6 @@ def _reals(**shapes):
 def _whole(**shapes):
     return [(name, "i8", shape) for name, shape in shapes.items()]
 
-
-MODEL = np.dtype(
-    [
-        *_whole(bodies=(), shapes=(), corners=(), pair_count=(), joints=()),
-        *_whole(shape_body=_s, shape_start=_s + 1, pairs=(_p, 2), joint_kind=_j, joint_bodies=(_j, 2)),
-        *_reals(mass=_n, inertia=_n, gravity=2, vertices=(_v, 2), radius=_s),
-        *_reals(pair_friction=_p, pair_restitution=_p, pair_surface=(_p, 2)),
-        *_reals(joint_anchor=(_j, 2, 2), joint_axis=(_j, 2), joint_angle=_j, joint_limit=(_j, 2), joint_friction=_j),
-        *_reals(joint_motor=(_j, 2), joint_spring=(_j, 3)),
-    ]
-)
-
-LAYOUT = np.dtype(
-    [
-        *_whole(linkages=(), pair_bodies=(_p, 2), linkage=_n, place_in=_n),
-        *_whole(body_start=_n + 1, order=_n, joint_start=_n + 1, joint_order=_j),
-        *_reals(
-            normals=(_v, 2),
-            covered=(_v, 2),
-            straight=_v,
-            disc=_v,
-            middle=(_s, 2),
-            reach=_s,
-            thickness=_s,
-            extent=_n,
-            rate=_n,
-        ),
-    ]
-)
 
 CONTACT = _reals(gap=(), nx=(), ny=(), ax=(), ay=(), bx=(), by=(), px=(), py=(), curvature=(), owner=())
 """Gap [m], unit normal from a to b, the points of a and of b whose distance is the gap (in the plane), the point of
@@ -145,31 +104,10 @@ WORK = np.dtype(
 
 
 def records(model: Model):
-    """(model, layout, work), arrays of one record each, bodies at the start; ValueError if there is too much."""
+    """(model, work), arrays of one record each, bodies at the start; ValueError if there is too much."""
     if refusal := too_much(model):
         raise ValueError(refusal)
-    layout = lay_out(model)
-    counts = {
-        "bodies": len(model.mass),
-        "shapes": len(model.radius),
-        "corners": len(model.vertices),
-        "pair_count": len(model.pairs),
-        "joints": len(model.joint_kind),
-    }
-    fixed = _filled(MODEL, {**model._asdict(), **counts})
-    laid = _filled(LAYOUT, {**layout._asdict(), "linkages": len(layout.body_start) - 1})
-    work = _filled(WORK, {"q": model.pose, "v": model.velocity})
-    return fixed, laid, work
-
-
-def _filled(dtype, values):
-    record = np.zeros(1, dtype=dtype)
-    for name, value in values.items():
-        if name not in dtype.names:
-            continue
-        value = np.asarray(value)
-        if value.ndim:
-            record[name][0][tuple(slice(size) for size in value.shape)] = value
-        else:
-            record[name] = value
-    return record.view(np.recarray) if numba.config.DISABLE_JIT else record
+    work = np.zeros(1, dtype=WORK)
+    for name, start in (("q", model.pose), ("v", model.velocity)):
+        work[name][0, : len(start)] = start
+    return tuple(one.view(np.recarray) if numba.config.DISABLE_JIT else one for one in (model.record, work))

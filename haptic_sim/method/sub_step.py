@@ -22,20 +22,20 @@ ALLOWED_ACCELERATION = 100.0
 
 
 @kernel
-def sub_steps(models, layouts, works, h, count, path):
+def sub_steps(models, works, h, count, path):
     """`count` sub-steps from each row of the handle's path (position, velocity) evenly to the next.
 
     The records come as arrays of one: numba tells the type of an array faster than that of a lone record, by 50 µs.
     """
-    model, layout, work = models[0], layouts[0], works[0]
+    model, work = models[0], works[0]
     for k in range(count * (len(path) - 1)):
         interpolate_handle(work, path, k // count, (k % count + 1) / count)
         if work.coupling.event_driven:
             linearize_handle(work, path, k // count, count, h)
-            event_step(model, layout, work, h)
+            event_step(model, work, h)
         else:
-            sub_step(model, layout, work, h)
-        summarize_contacts(layout, work, h)
+            sub_step(model, work, h)
+        summarize_contacts(model, work, h)
 
 
 @njit
@@ -59,7 +59,7 @@ def linearize_handle(work, path, row, count, h):
 
 
 @njit
-def summarize_contacts(layout, work, h):
+def summarize_contacts(model, work, h):
     """Books in work.port whether a contact pushed the tool, a pair's largest force [N], the deepest overlap."""
     port, report = work.port, work.report
     for k in range(report.count):
@@ -68,46 +68,46 @@ def summarize_contacts(layout, work, h):
         for other in range(report.count):
             if report.pair[other] == pair:
                 x, y = x + report.impulse[other, 0], y + report.impulse[other, 1]
-        if layout.pair_bodies[pair, 0] == 0 or layout.pair_bodies[pair, 1] == 0:
+        if model.pair_bodies[pair, 0] == 0 or model.pair_bodies[pair, 1] == 0:
             port.touched = 1
         port.largest_force = max(port.largest_force, math.hypot(x, y) / h)
         port.deepest_overlap = max(port.deepest_overlap, report.overlap[k])
 
 
 @njit
-def sub_step(model, layout, work, h):
+def sub_step(model, work, h):
     """Advances all bodies by h [s] and books the energy supplied at the tool's port."""
     x, y, angle = work.q[0, 0], work.q[0, 1], work.q[0, 2]
     work.report.count = 0
     for k in range(3):
         work.port.force[k] = 0.0
     rigid = work.contact_model.stiffness == 0.0
-    held = activate_within_reach(model, layout, work, h) if rigid else activate_all(layout, work)
-    if held < layout.linkages:
-        for i in range(layout.linkages):
+    held = activate_within_reach(model, work, h) if rigid else activate_all(model, work)
+    if held < model.linkages:
+        for i in range(model.linkages):
             work.active[i] = 1 - work.active[i]
-        left = integrate_through_events(model, layout, work, h)
+        left = integrate_through_events(model, work, h)
         if left > 0.0:
             work.counters.refusals += 1
-            implicit_step(model, layout, work, left)
-        for i in range(layout.linkages):
+            implicit_step(model, work, left)
+        for i in range(model.linkages):
             work.active[i] = 1 - work.active[i]
     if held > 0:
-        implicit_step(model, layout, work, h)
+        implicit_step(model, work, h)
     work.port.supplied += work_at_port(work, x, y, angle)
 
 
 @njit
-def event_step(model, layout, work, h):
+def event_step(model, work, h):
     """Advances all bodies by h [s] from event to event, the coupling a force along the handle's straight way."""
     q = work.q
     work.report.count = 0
-    activate_all(layout, work)
-    left = integrate_through_events(model, layout, work, h)
+    activate_all(model, work)
+    left = integrate_through_events(model, work, h)
     if left > 0.0:
         work.counters.refusals += 1
         x, y, angle = q[0, 0], q[0, 1], q[0, 2]
-        implicit_step(model, layout, work, left)
+        implicit_step(model, work, left)
         work.port.supplied += work_at_port(work, x, y, angle)
     coupling_force(work, q, work.v, h)
     for k in range(3):
@@ -115,78 +115,78 @@ def event_step(model, layout, work, h):
 
 
 @njit
-def activate_all(layout, work):
+def activate_all(model, work):
     """Marks every linkage as active; returns how many."""
-    for i in range(layout.linkages):
+    for i in range(model.linkages):
         work.active[i] = 1
-    return layout.linkages
+    return model.linkages
 
 
 @njit
-def activate_within_reach(model, layout, work, h):
+def activate_within_reach(model, work, h):
     """Marks as active the linkages that a backward difference takes; returns how many.
 
     Those that the coupling can act on within h, by joints or contacts; those whose own spring-dampers are STIFF, and
     whom these can touch.
     """
     held, pull = 0, 0.0
-    for i in range(layout.linkages):
-        work.active[i] = 1 if h * layout.rate[i] > STIFF else 0
+    for i in range(model.linkages):
+        work.active[i] = 1 if h * model.rate[i] > STIFF else 0
         if work.active[i] > 0:
-            held, pull = held + 1, max(pull, way_of_springs(model, layout, work, i))
-    stiffness, damping, tool = work.coupling.stiffness, work.coupling.damping, layout.linkage[0]
+            held, pull = held + 1, max(pull, way_of_springs(model, work, i))
+    stiffness, damping, tool = work.coupling.stiffness, work.coupling.damping, model.linkage[0]
     if max(max(stiffness[0], damping[0]), max(stiffness[2], damping[2])) > 0.0:
-        held, pull = held + 1 - work.active[tool], max(pull, way_of_coupling(layout, work, h))
+        held, pull = held + 1 - work.active[tool], max(pull, way_of_coupling(model, work, h))
         work.active[tool] = 1
     if held == 0 or model.pair_count == 0:
         return held
-    place_shapes(model, layout, work, work.q)
+    place_shapes(model, work, work.q)
     before, last = 0, model.pair_count - 1
-    while before < held < layout.linkages:  # to and fro: a stack is followed in one sweep, whichever way it is numbered
+    while before < held < model.linkages:  # to and fro: a stack is followed in one sweep, whichever way it is numbered
         before = held
         for k in range(2 * model.pair_count):
-            held += activate_neighbour(model, layout, work, k if k <= last else 2 * last + 1 - k, h, pull)
+            held += activate_neighbour(model, work, k if k <= last else 2 * last + 1 - k, h, pull)
     return held
 
 
 @njit
-def way_of_coupling(layout, work, h):
+def way_of_coupling(model, work, h):
     """How far the coupling can draw a point of the tool within h [m]."""
     handle, q, velocity = work.handle, work.q, work.handle.velocity
     stretch = math.hypot(handle.position[0] - q[0, 0], handle.position[1] - q[0, 1])
     pull = stretch + h * math.hypot(velocity[0], velocity[1])
     if work.coupling.stiffness[2] + work.coupling.damping[2] > 0.0:
-        pull += layout.extent[0] * (abs(handle.position[2] - q[0, 2]) + h * abs(velocity[2]))
+        pull += model.extent[0] * (abs(handle.position[2] - q[0, 2]) + h * abs(velocity[2]))
     return pull
 
 
 @njit
-def way_of_springs(model, layout, work, i):
+def way_of_springs(model, work, i):
     """How far the springs of linkage i can draw its bodies within a step [m]: as far as they are stretched."""
     pull = 0.0
-    for m in range(layout.joint_start[i], layout.joint_start[i + 1]):
-        j = layout.joint_order[m]
+    for m in range(model.joint_start[i], model.joint_start[i + 1]):
+        j = model.joint_order[m]
         if model.joint_spring[j, 0] == 0.0:
             continue
         for k in range(spring_row_count(model, j)):
             stretch = abs(spring_row(model, work.q, work.v, j, k, work.joint_row))
             if model.joint_kind[j] == PIN:
-                stretch *= max(layout.extent[model.joint_bodies[j, 0]], layout.extent[model.joint_bodies[j, 1]])
+                stretch *= max(model.extent[model.joint_bodies[j, 0]], model.extent[model.joint_bodies[j, 1]])
             pull += stretch
     return pull
 
 
 @njit
-def activate_neighbour(model, layout, work, p, h, pull):
+def activate_neighbour(model, work, p, h, pull):
     """Activates the other linkage of a pair if the two can meet within h and one is active; returns 1 if it did."""
-    a, b = layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]
-    la, lb = layout.linkage[a], layout.linkage[b]
+    a, b = model.pair_bodies[p, 0], model.pair_bodies[p, 1]
+    la, lb = model.linkage[a], model.linkage[b]
     if la < 0 or lb < 0 or work.active[la] == work.active[lb]:
         return 0
     v, s, u = work.v, model.pairs[p, 0], model.pairs[p, 1]
     way = h * math.hypot(v[b, 0] - v[a, 0], v[b, 1] - v[a, 1]) + ALLOWED_ACCELERATION * h * h + pull
-    way += h * (abs(v[a, 2]) * layout.extent[a] + abs(v[b, 2]) * layout.extent[b])
-    if disc_distance(layout, work, s, u) > way or signed_gap(model, work, s, u) > way:
+    way += h * (abs(v[a, 2]) * model.extent[a] + abs(v[b, 2]) * model.extent[b])
+    if disc_distance(model, work, s, u) > way or signed_gap(model, work, s, u) > way:
         return 0
     work.active[la] = work.active[lb] = 1
     return 1

@@ -17,9 +17,9 @@ import numpy as np
 import pymunk
 from pymunk import batch
 
-from haptic_sim.method.layout import Layout
 from haptic_sim.pymunk_world import swept_shapes
 from haptic_sim.pymunk_world.joints import BEYOND, Stop
+from haptic_sim.reduction.connected import connected
 from haptic_sim.reduction.method_choice import short_step
 from haptic_sim.reduction.model import Model
 from haptic_sim.scene.geometry import Point, Pose, framed, turned
@@ -44,7 +44,7 @@ class ContinuousCollision:
     Unless `busy`, and while no point of the tool, `extent` [m] about its mass centre, is faster than `tool_fast` [m/s],
     there is nothing to `look` for.
 
-    shapes: of the space, in the order of the model. model and layout: as reduced from the scene. stops: of its joints.
+    shapes: of the space, in the order of the model. model: of the scene. stops: of its joints.
     """
 
     def __init__(
@@ -53,20 +53,19 @@ class ContinuousCollision:
         bodies: list[pymunk.Body],
         shapes: list[pymunk.Shape],
         model: Model,
-        layout: Layout,
         h: float,
         stops: list[Stop],
     ):
         self._space, self._h, self._scene = space, h, bodies
         self._near = 0.5 * space.collision_slop  # m; overlap at which a hit ends a move
         self._farthest = FAST * min(h, short_step(model))
-        met = [_met(model, layout, b) for b in range(len(bodies))]
+        met = [_met(model, b) for b in range(len(bodies))]
         self._meets = [{shapes[s] for s in others} for others, _ in met]
-        self._widths = dict(zip(shapes, layout.thickness.tolist(), strict=True))
+        self._widths = dict(zip(shapes, model.thickness.tolist(), strict=True))
         self.added: dict[pymunk.Shape, float] = {}  # by somebody → least width
         points = [_points(model, b) for b in range(len(bodies))]
         limits = [min(SHARE * width, self._farthest) for _, width in met]
-        self._own = list(zip(points, limits, layout.extent[:-1].tolist(), strict=True))
+        self._own = list(zip(points, limits, model.extent[:-1].tolist(), strict=True))
         self._rates, self._stops = batch.Buffer(), stops
         self.moves: dict[int, float] = {}
         self._fast: list[int] = []
@@ -78,7 +77,9 @@ class ContinuousCollision:
     def _sweep(self, bodies: list[pymunk.Body], swept: list[Swept]) -> None:
         """From now on these bodies are swept."""
         self._points, limits, extents = zip(*swept, strict=True)
-        self._bodies, self._linked = bodies, swept_shapes.connected(bodies, self._space.constraints)
+        self._bodies, rank = bodies, {body: b for b, body in enumerate(bodies)}
+        ends = ((rank.get(joint.a, -1), rank.get(joint.b, -1)) for joint in self._space.constraints)
+        self._linked = {b: group for group in connected(rank.values(), ends) for b in group}
         self._limits, self._extents, self._ids, self._order = np.array(limits), np.array(extents), b"", [0]
         # A body that is hit may leave with twice the speed of what hits it, and `watch` sees it some steps later.
         self._wary = 0.5 * self._limits / self._h
@@ -266,9 +267,9 @@ def _points(model: Model, b: int) -> list[swept_shapes.Disc]:
     return found
 
 
-def _met(model: Model, layout: Layout, b: int) -> tuple[list[int], float]:
+def _met(model: Model, b: int) -> tuple[list[int], float]:
     """Shapes of the model that a body can meet, and the least of their widths [m]."""
-    here = layout.pair_bodies == b
+    here = model.pair_bodies == b
     pairs, here = model.pairs[here.any(axis=1)], here[here.any(axis=1)]
     others = pairs[~here]
-    return others.tolist(), float(layout.thickness[others].min(initial=math.inf))
+    return others.tolist(), float(model.thickness[others].min(initial=math.inf))

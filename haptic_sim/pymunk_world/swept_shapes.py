@@ -3,12 +3,12 @@
 
 import functools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 
 import numpy as np
 import pymunk
 
-from haptic_sim.scene.geometry import Point, Pose
+from haptic_sim.scene.geometry import Point, Pose, edges
 
 LEAST = 1e-4
 """m; width with which a thinner shape counts: a segment may have none."""
@@ -44,14 +44,14 @@ def places(shape: pymunk.Shape, around: pymunk.BB) -> Iterator[Disc]:
 
 def fits(corners: Sequence[Point], middle: Point) -> float:
     """Radius of the disc about `middle` that fits into a convex polygon [m]."""
-    return min(_off(a, b, middle) for a, b in _edges(corners))
+    return min(_off(a, b, middle) for a, b in edges(corners))
 
 
 def width(shape: pymunk.Shape) -> float:
     """Least width of a shape [m], its radius counted, and LEAST at least."""
     corners, across = _corners(shape), 0.0
     if len(corners) > 2:
-        across = min(max(_off(a, b, corner) for corner in corners) for a, b in _edges(corners))
+        across = min(max(_off(a, b, corner) for corner in corners) for a, b in edges(corners))
     return max(LEAST, across + 2.0 * shape.radius)
 
 
@@ -81,17 +81,6 @@ def can_meet(body: pymunk.Body, own: list[pymunk.Shape], other: pymunk.Shape, jo
     return _accepted({shape.filter for shape in own if not shape.sensor}, other.filter)
 
 
-def connected(bodies: list[pymunk.Body], joints: Iterable[pymunk.Constraint]) -> list[list[int]]:
-    """For each body the numbers of all that constraints connect with it, its own among them."""
-    groups = {body: [b] for b, body in enumerate(bodies)}
-    for joint in joints:
-        one, other = groups.get(joint.a), groups.get(joint.b)
-        if one and other and one is not other:
-            one += other
-            groups |= dict.fromkeys((bodies[b] for b in other), one)
-    return [groups[body] for body in bodies]
-
-
 def _accepted(own: Set[pymunk.ShapeFilter], given: pymunk.ShapeFilter) -> bool:
     return any(not one.rejects_collision(given) for one in own)
 
@@ -100,10 +89,6 @@ def _corners(shape: pymunk.Shape) -> Sequence[Point]:
     if isinstance(shape, pymunk.Circle):
         return [shape.offset]
     return [shape.a, shape.b] if isinstance(shape, pymunk.Segment) else shape.get_vertices()
-
-
-def _edges(corners: Sequence[Point]) -> list[tuple[Point, Point]]:
-    return list(zip(corners, [*corners[1:], corners[0]], strict=True))
 
 
 def _off(a: Point, b: Point, point: Point) -> float:

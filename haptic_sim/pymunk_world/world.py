@@ -35,14 +35,13 @@ import numpy as np
 import pymunk
 from pymunk import batch
 
-from haptic_sim.method.layout import lay_out
 from haptic_sim.protocol import Contact, Coupling, Planar, StepResult
 from haptic_sim.pymunk_world.continuous_collision import ContinuousCollision
 from haptic_sim.pymunk_world.joints import stored
 from haptic_sim.pymunk_world.rebound import passive_rebound
 from haptic_sim.pymunk_world.space import OWN_KINDS, Touching, fill
 from haptic_sim.reduction import ReducedScene
-from haptic_sim.scene.geometry import turned
+from haptic_sim.reduction.model import energy_of
 
 WATCH = 4
 """Sub-steps after which is looked anew who is fast."""
@@ -90,7 +89,6 @@ class PymunkWorld:
         self.inner = math.ceil(sub_step / reduced.inside - 1e-9)
         self._h = sub_step / self.inner
         self._gravity, (self._mass, self._inertia, _) = self.scene.gravity, self.scene.tool.mass_properties
-        self._layout = lay_out(reduced.model)
         self._gains = Coupling()
         self._places = batch.Buffer()
         self.reset()
@@ -105,8 +103,7 @@ class PymunkWorld:
         self._restitution, self._calms = filled.restitution, False
         if any(filled.restitution.values()):
             self.space.on_collision(begin=self._begin_rebound)
-        shapes, layout = filled.shapes, self._layout
-        self._sweep = ContinuousCollision(self.space, self._bodies, shapes, model, layout, self._h, stops)
+        self._sweep = ContinuousCollision(self.space, self._bodies, filled.shapes, model, self._h, stops)
         self._unwatched = WATCH  # sub-steps
         self._spare = 0.0  # J, lost at the tool and not yet given back by push-out
         self.position: Planar = self.scene.tool.pose
@@ -263,11 +260,8 @@ class PymunkWorld:
 
     def pose(self, body: str) -> Planar:
         """Pose of a body's frame at the end of the sub-step."""
-        index, pose = self._reduced.places[body]
-        if index == len(self._bodies):
-            return pose
-        x, y, angle = self._now()[index, :3].tolist()
-        return *turned(pose[:2], (x, y, angle)), angle + pose[2]
+        place = self._reduced.places[body]
+        return place.pose if place.body == len(self._bodies) else place.at(self._now()[place.body, :3].tolist())
 
     def energy(self) -> tuple[float, float]:
         """Kinetic and potential energy of the scene's bodies and springs [J]; gravity's is 0 at the origin."""
@@ -277,9 +271,7 @@ class PymunkWorld:
 
     def _energy_of(self, state: np.ndarray) -> tuple[float, float]:
         model = self._reduced.model
-        mass, inertia = model.mass[:-1], model.inertia[:-1]
-        kinetic = 0.5 * float(mass @ (state[:, 3] ** 2 + state[:, 4] ** 2) + inertia @ state[:, 5] ** 2)
-        potential = -float(mass @ (state[:, :2] @ model.gravity))
+        kinetic, potential = energy_of(model, state[:, :3], state[:, 3:])
         if len(model.joint_kind):
             potential += stored(model, [tuple(row) for row in state[:, :3].tolist()])
         return kinetic, potential

@@ -9,9 +9,17 @@ import math
 from typing import NamedTuple
 
 from haptic_sim.method_registry import AUTO
-from haptic_sim.reduction.method_choice import choose_method, choose_sub_step, refusal, step_inside, unkept_wish
+from haptic_sim.reduction.assembly import Place, build
+from haptic_sim.reduction.method_choice import (
+    choose_method,
+    choose_sub_step,
+    load_of,
+    refusal,
+    step_inside,
+    unkept_wish,
+)
 from haptic_sim.reduction.mobility import Touching, degrees_of_freedom, groups_of, moving_bodies, touching_pairs
-from haptic_sim.reduction.model import Model, Place, build
+from haptic_sim.reduction.model import Model
 from haptic_sim.scene.geometry import Point, turned
 from haptic_sim.scene.language import Scene
 from haptic_sim.scene.shapes import TOOL, HalfPlane
@@ -111,7 +119,7 @@ def reduce_scene(scene: Scene, method: str | None = None) -> ReducedScene:
     groups = [group for group in groups[:-1] if moving & set(group)] + [at_rest + groups[-1]]
     touching = touching_pairs(scene, groups)
     arrays, places, shape_names = build(scene, groups, touching.pairs)
-    friction = any(pair.friction > 0.0 for pair in touching.pairs)
+    friction, restitution = bool(arrays.pair_friction.any()), bool(arrays.pair_restitution.any())
     needs = Needs(
         moving=tuple(name for group in groups[:-1] for name in group),
         at_rest=tuple(at_rest),
@@ -119,18 +127,18 @@ def reduce_scene(scene: Scene, method: str | None = None) -> ReducedScene:
         touching=touching.names,
         apart=touching.apart,
         friction=friction,
-        restitution=any(pair.restitution > 0.0 for pair in touching.pairs),
+        restitution=restitution,
         rotation=_turning_matters(scene, touching, friction),
-        axes=_axes(scene, len(groups), touching),
+        axes=None if friction or restitution else _axes(scene, len(groups), touching),
     )
-    why_method = ASKED
+    why_method, names, load = ASKED, [group[0] for group in groups], load_of(arrays)
     if method in (None, AUTO):
-        method, why_method = choose_method(scene, arrays, [group[0] for group in groups], needs.axes)
+        method, why_method = choose_method(scene, arrays, names, load, needs.axes)
         if scene.method and (refused := refusal(scene, arrays, shape_names, method)):
             raise ValueError(refused)
     sub_step, why_step = choose_sub_step(scene, arrays, method)
-    unkept = unkept_wish(scene, arrays, [group[0] for group in groups], method, sub_step)
-    inside, why = step_inside(arrays, scene.error), (why_method, why_step)
+    unkept = unkept_wish(scene, arrays, names, load, method, sub_step)
+    inside, why = step_inside(arrays, load, scene.error), (why_method, why_step)
     return ReducedScene(scene, arrays, places, shape_names, needs, method, sub_step, inside, why, unkept)
 
 
@@ -142,10 +150,9 @@ def _turning_matters(scene: Scene, touching: Touching, friction: bool) -> bool:
 
 
 def _axes(scene: Scene, groups: int, touching: Touching) -> tuple[Point, ...] | None:
-    """Directions of the walls, if they are half-planes, frictionless, without rebound, and parallel or square."""
+    """Directions of frictionless walls without rebound, if they are half-planes, and parallel or square."""
     alone = groups == 2 and not any(TOOL in joint.bodies for joint in scene.joints)
-    rough = any(pair.friction > 0.0 or pair.restitution > 0.0 for pair in touching.pairs)
-    if not alone or rough or _turning_matters(scene, touching, False):
+    if not alone or _turning_matters(scene, touching, False):
         return None
     walls = [scene.solids[name] for _, name in touching.names]
     normals = []

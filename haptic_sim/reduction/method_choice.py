@@ -25,8 +25,8 @@ a heavy one and a damper by c h/m sweeps: `GREASE` of it is solved directly.
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
-from haptic_sim.reduction.model import Model, mobilities, too_much
-from haptic_sim.scene.geometry import Outline, Point, Pose, distance
+from haptic_sim.reduction.model import Model, too_much
+from haptic_sim.scene.geometry import Outline, Point, Pose, distance, turned
 from haptic_sim.scene.language import Scene
 
 STEPS = (1e-3, 0.5e-3, 0.25e-3, 0.2e-3, 0.125e-3, 0.1e-3, 0.05e-3, 0.025e-3)
@@ -61,8 +61,13 @@ LAYERS = 32
 TOUCHING = 1e-5
 """m; bodies that are no farther apart at the start rest on each other."""
 
+Load = tuple[float, int, int, int]
+"""Largest mass ratio of two that can meet, the light one and the heavy one, and how many stand on one another."""
 
-def choose_method(scene: Scene, model: Model, names: Sequence[str], axes: tuple[Point, ...] | None) -> tuple[str, str]:
+
+def choose_method(
+    scene: Scene, model: Model, names: Sequence[str], load: Load, axes: tuple[Point, ...] | None
+) -> tuple[str, str]:
     """Name of the method and why; `names` of the model's bodies. ValueError if the scene asks for one that cannot.
 
     `axes` are the directions in which contact acts, if each can be solved by itself.
@@ -80,7 +85,7 @@ def choose_method(scene: Scene, model: Model, names: Sequence[str], axes: tuple[
             "closed_form",
             f"contact acts on {len(axes)} {'axis' if len(axes) == 1 else 'axes'}, and each can be solved by itself",
         )
-    asked = crowded or _beyond_impulse(scene, model, names)
+    asked = crowded or _beyond_impulse(scene, model, names, load)
     if not asked:
         return "impulse", "the scene needs no more than impulses in short steps"
     beyond = too_much(model)
@@ -109,15 +114,15 @@ def elastic_pair(model: Model, shape_names: Sequence[str]) -> str:
     return ""
 
 
-def unkept_wish(scene: Scene, model: Model, names: Sequence[str], method: str, sub_step: float) -> str:
+def unkept_wish(scene: Scene, model: Model, names: Sequence[str], load: Load, method: str, sub_step: float) -> str:
     """Sentence on the `error` that a scene wishes for, where it is known beforehand that it may be more; or ""."""
     if method not in ("impulse", "partitioned"):
         return ""
-    if method == "impulse" and (asked := _beyond_impulse(scene, model, names)):
+    if method == "impulse" and (asked := _beyond_impulse(scene, model, names, load)):
         return f"{asked}; haptic scenes --verify measures the relative error"
     step, (frequency, what) = sub_step, max(_modes(model))
     if method == "impulse":
-        step = min(sub_step, step_inside(model, scene.error))
+        step = min(sub_step, step_inside(model, load, scene.error))
     expected = 0.5 * step * frequency
     if expected <= scene.error * (1.0 + 1e-9):
         return ""
@@ -159,14 +164,9 @@ def longest_step(model: Model, error: float) -> tuple[float, str]:
 def _modes(model: Model) -> Iterator[tuple[float, str]]:
     """(angular frequency, what) of the coupling and of the scene's own springs."""
     yield math.sqrt(STIFFNESS / model.mass[0]), f"the tool on a coupling of {STIFFNESS:g} N/m"
-    for spring, mobility in zip(model.joint_spring, mobilities(model), strict=True):
+    for spring, mobility in zip(model.joint_spring, model.joint_mobility, strict=True):
         if spring[0] > 0.0:
             yield math.sqrt(spring[0] * mobility), "a spring of the scene"
-
-
-def _damping_rates(model: Model) -> list[float]:
-    """c/m of the scene's dampers [1/s]."""
-    return [float(spring[1]) * mobility for spring, mobility in zip(model.joint_spring, mobilities(model), strict=True)]
 
 
 def too_many_layers(scene: Scene) -> str:
@@ -175,9 +175,9 @@ def too_many_layers(scene: Scene) -> str:
     return f"bodies share {many} layers, of which impulse takes at most {LAYERS}" if many > LAYERS else ""
 
 
-def step_inside(model: Model, error: float) -> float:
+def step_inside(model: Model, load: Load, error: float) -> float:
     """Longest step [s] that `impulse` takes inside its sub-step, where this error is allowed."""
-    ratio, _, _, height = _load(model)
+    ratio, _, _, height = load
     jointed, wanted = len(model.joint_kind) > 0, error / max(_modes(model))[0]
     short = short_step(model)
     return short if jointed or ratio * height > EASY else max(short, min(LONG, wanted))
@@ -188,21 +188,21 @@ def short_step(model: Model) -> float:
     return max(SHORT, SHORT_PER_BODY * (len(model.mass) - 1))
 
 
-def _beyond_impulse(scene: Scene, model: Model, names: Sequence[str]) -> str:
+def _beyond_impulse(scene: Scene, model: Model, names: Sequence[str], load: Load) -> str:
     """What the scene asks for beyond `impulse`, in words; "" if nothing. `names`: of the bodies of the model."""
     if scene.error < HOLDS:
         return f"error {scene.error:g} is wanted; impulse holds {HOLDS:g}"
     longest, why = longest_step(model, scene.error)
     if longest < SHORT:
         return f"{why}, and impulse cannot keep up with steps below {SHORT * 1e3:g} ms"
-    rate = max(_damping_rates(model), default=0.0)
+    rate = float((model.joint_spring[:, 1] * model.joint_mobility).max(initial=0.0))  # c/m of the dampers
     grease = short_step(model) * rate  # a damper is a joint's
     if grease > GREASE:
         return (
             f"a damper holds a body back within {1e3 / rate:.2g} ms, a step of impulse is {grease:.3g} times "
             f"as long, and it keeps up with {GREASE:g}"
         )
-    ratio, light, heavy, height = _load(model)
+    ratio, light, heavy, height = load
     if height > HIGH:
         return f"{height} bodies stand on one another, and impulse takes at most {HIGH}"
     if ratio * height > LOAD:
@@ -214,8 +214,8 @@ def _beyond_impulse(scene: Scene, model: Model, names: Sequence[str]) -> str:
     return ""
 
 
-def _load(model: Model) -> tuple[float, int, int, int]:
-    """Largest mass ratio of two that can meet, the light one and the heavy one, and how many stand on one another."""
+def load_of(model: Model) -> Load:
+    """What a model's bodies weigh on each other."""
     pairs = {(a, b) for a, b in model.shape_body[model.pairs].tolist() + model.joint_bodies.tolist()}
     ratio, light, heavy = max(_ratios(model, pairs), default=(1.0, 0, 0))
     return ratio, light, heavy, max(1, _height(model))
@@ -245,18 +245,14 @@ def _height(model: Model) -> int:
 def _touching(model: Model) -> Iterator[tuple[int, int]]:
     """Pairs of bodies that touch at the start."""
     shapes = [_outline(model, s) for s in range(len(model.radius))]
-    discs = [_disc(*shape) for shape in shapes]
+    middles = [turned(middle, at) for middle, (_, at) in zip(model.middle.tolist(), shapes, strict=True)]
+    reach = model.reach.tolist()
     for i, j in model.pairs.tolist():
-        (xa, ya, ra), (xb, yb, rb) = discs[i], discs[j]
-        if math.hypot(xa - xb, ya - yb) <= ra + rb + TOUCHING and distance(*shapes[i], *shapes[j]) <= TOUCHING:
+        near = math.dist(middles[i], middles[j]) <= reach[i] + reach[j] + TOUCHING
+        if near and distance(*shapes[i], *shapes[j]) <= TOUCHING:
             yield model.shape_body[i], model.shape_body[j]
 
 
 def _outline(model: Model, s: int) -> tuple[Outline, Pose]:
     corners = model.vertices[model.shape_start[s] : model.shape_start[s + 1]]
     return Outline(tuple(map(tuple, corners.tolist())), float(model.radius[s])), tuple(model.pose[model.shape_body[s]])
-
-
-def _disc(outline: Outline, pose: Pose) -> tuple[float, float, float]:
-    """Centre and radius of a disc that holds the shape [m]: about its body's mass centre."""
-    return pose[0], pose[1], max(math.hypot(*corner) for corner in outline.vertices) + outline.radius

@@ -8,11 +8,14 @@ slider adds its way between its limits. Loops only make it less. A body without 
 import heapq
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence, Set
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
-from haptic_sim.reduction.model import PIN, SLIDER, Model, ShapePair, shapes_of
+from haptic_sim.reduction.assembly import ShapePair, shapes_of
+from haptic_sim.reduction.connected import connected
+from haptic_sim.reduction.model import PIN, SLIDER, Model
 from haptic_sim.scene.geometry import Outline, Point, distance, turned
 from haptic_sim.scene.joints import WORLD
 from haptic_sim.scene.language import Scene
@@ -33,22 +36,9 @@ ANYWHERE = Disc((0.0, 0.0), math.inf)
 
 def groups_of(scene: Scene) -> list[list[str]]:
     """Names that make one body each: the tool, movable bodies in the scene's order, the world."""
-    groups = {name: [name] for name in (*scene.solids, WORLD)}
-
-    def join(first: str, second: str) -> None:
-        if groups[first] is not groups[second]:
-            groups[first] += groups[second]
-            for name in groups[second]:
-                groups[name] = groups[first]
-
-    for body in scene.bodies:
-        if body.fixed:
-            join(WORLD, body.name)
-    for joint in scene.joints:
-        if joint.locks:
-            join(*sorted(joint.bodies, key=list(groups).index))
-    unique = list({id(group): sorted(group, key=list(groups).index) for group in groups.values()}.values())
-    return [group for group in unique if WORLD not in group] + [group for group in unique if WORLD in group]
+    fixed = [(WORLD, body.name) for body in scene.bodies if body.fixed]
+    groups = connected((*scene.solids, WORLD), fixed + [joint.bodies for joint in scene.joints if joint.locks])
+    return sorted(groups, key=lambda group: WORLD in group)
 
 
 def moving_bodies(scene: Scene, groups: Sequence[Sequence[str]]) -> set[str]:
@@ -56,30 +46,15 @@ def moving_bodies(scene: Scene, groups: Sequence[Sequence[str]]) -> set[str]:
 
     A belt moves only what is pressed upon it, and what presses is one of these.
     """
-    group_of = {name: group for group in groups for name in group}
-    movable = [solid for name, solid in scene.solids.items() if WORLD not in group_of[name]]
+    movable = [solid for name, solid in scene.solids.items() if name not in groups[-1]]
     discs, apart = reaches(scene, groups[-1]), scene.kept_apart
-    driven = {name for joint in scene.joints if joint.moves for name in joint.bodies}
-    moving: set[str] = set()
-    grown = {TOOL} | {body.name for body in movable if any(body.velocity) or body.name in driven}
-    if any(scene.gravity):
-        grown = {body.name for body in movable}
-    while grown != moving:
-        moving = {name for start in grown for name in group_of[start]} - {WORLD}
-        grown = moving | {
-            b.name
-            for b in movable
-            for a in movable
-            if a.name in moving and a is not b and can_touch(apart, a, b, discs)
-        }
-        grown |= {
-            name
-            for joint in scene.joints
-            if moving & set(joint.bodies)
-            for name in joint.bodies
-            if WORLD not in group_of[name]
-        }
-    return moving
+    driven = {name for joint in scene.joints if joint.moves for name in joint.bodies} | {TOOL}
+    pushed = {body.name for body in movable if any(scene.gravity) or any(body.velocity) or body.name in driven}
+    links = [(group[0], name) for group in groups[:-1] for name in group]
+    links += [joint.bodies for joint in scene.joints]
+    links += [(a.name, b.name) for a, b in combinations(movable, 2) if can_touch(apart, a, b, discs)]
+    hanging = connected((solid.name for solid in movable), links)
+    return {name for group in hanging if not pushed.isdisjoint(group) for name in group}
 
 
 class Touching(NamedTuple):
@@ -111,13 +86,8 @@ def touching_pairs(scene: Scene, groups: Sequence[Sequence[str]]) -> Touching:
 
 def _pair(scene: Scene, i: int, j: int, a: AnySolid, b: AnySolid) -> ShapePair:
     one, two = scene.material(a), scene.material(b)
-    return ShapePair(
-        i,
-        j,
-        math.sqrt(one.friction * two.friction),
-        math.sqrt(one.restitution * two.restitution),
-        turned(b.surface_velocity, (0.0, 0.0, b.pose[2])),
-    )
+    friction, restitution = math.sqrt(one.friction * two.friction), math.sqrt(one.restitution * two.restitution)
+    return (i, j), friction, restitution, turned(b.surface_velocity, (0.0, 0.0, b.pose[2]))
 
 
 def reaches(scene: Scene, immovable: Collection[str]) -> dict[str, Disc]:

@@ -72,9 +72,8 @@ def convex(vertices: Sequence[Point]) -> Vertices:
 
 def rectangle(size: Point, center: Point, angle: float) -> Vertices:
     """Vertices of a rectangle of `size` (width, height) [m] about `center`, turned by `angle` [rad]."""
-    c, s = math.cos(angle), math.sin(angle)
-    corners = [(sx * size[0] / 2.0, sy * size[1] / 2.0) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    return tuple((center[0] + c * x - s * y, center[1] + s * x + c * y) for x, y in corners)
+    corners = tuple((sx * size[0] / 2.0, sy * size[1] / 2.0) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
+    return _place(corners, (*center, angle))
 
 
 def half_plane(point: Point, normal: Point) -> Outline:
@@ -92,22 +91,32 @@ def finest_feature(outline: Outline) -> float:
     """Shortest edge, or the radius of a disc [m]."""
     if outline.radius > 0.0:
         return outline.radius
-    return min(math.dist(a, b) for a, b in _edges(outline.vertices))
+    return min(math.dist(a, b) for a, b in edges(outline.vertices))
+
+
+def normals(corners: np.ndarray) -> np.ndarray:
+    """Outward unit normal of a polygon's edge from each corner (n, 2) to the next."""
+    along = np.roll(corners, -1, axis=0) - corners
+    return np.column_stack((along[:, 1], -along[:, 0])) / np.hypot(along[:, 0], along[:, 1])[:, None]
 
 
 def thickness(outline: Outline) -> float:
     """The least width [m] of a convex outline."""
-    if outline.radius:
-        return 2.0 * outline.radius
-    vertices = np.array(outline.vertices)
-    along = np.roll(vertices, -1, axis=0) - vertices
-    normals = np.column_stack([-along[:, 1], along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
-    return float(np.ptp(normals @ vertices.T, axis=1).min())
+    return 2.0 * outline.radius or width(np.array(outline.vertices))
+
+
+def width(corners: np.ndarray) -> float:
+    """The least width [m] of a convex polygon (n, 2)."""
+    return float(min(np.ptp(corners @ normal) for normal in normals(corners)))
 
 
 def combined(outlines: Iterable[Outline]) -> Lamina:
     """Lamina of a compound of outlines; where they overlap, the overlap counts twice."""
-    parts = [_lamina(outline) for outline in outlines]
+    return merged([_lamina(outline) for outline in outlines])
+
+
+def merged(parts: Sequence[Lamina]) -> Lamina:
+    """Lamina of several; masses [kg] and inertias [kg m²] may stand in place of areas and second moments."""
     area = sum(part.area for part in parts)
     cx = sum(part.area * part.centroid[0] for part in parts) / area
     cy = sum(part.area * part.centroid[1] for part in parts) / area
@@ -120,8 +129,9 @@ def _turn(before: Point, at: Point, after: Point) -> float:
     return math.atan2(ax * by - ay * bx, ax * bx + ay * by)
 
 
-def _edges(vertices: Vertices) -> Iterator[tuple[Point, Point]]:
-    return zip(vertices, vertices[1:] + vertices[:1], strict=True)
+def edges(vertices: Sequence[Point]) -> Iterator[tuple[Point, Point]]:
+    """Each corner of a polygon and the next one."""
+    return zip(vertices, [*vertices[1:], vertices[0]], strict=True)
 
 
 def _lamina(outline: Outline) -> Lamina:
@@ -130,7 +140,7 @@ def _lamina(outline: Outline) -> Lamina:
         return Lamina(area, outline.vertices[0], area * outline.radius**2 / 2.0)
     ox, oy = outline.vertices[0]  # about a vertex, so that small shapes far out keep their digits
     area = sx = sy = moment = 0.0
-    for (ax, ay), (bx, by) in _edges(tuple((x - ox, y - oy) for x, y in outline.vertices)):
+    for (ax, ay), (bx, by) in edges(tuple((x - ox, y - oy) for x, y in outline.vertices)):
         cross = ax * by - ay * bx
         area += cross / 2.0
         sx += cross * (ax + bx) / 6.0
@@ -189,7 +199,7 @@ def _core_distance(a: Vertices, b: Vertices) -> float:
 def _separation(a: Vertices, b: Vertices) -> float:
     """Largest distance of polygon b from an edge of a along that edge's outward normal; -inf if a is a point."""
     largest = -math.inf
-    for (px, py), (qx, qy) in zip(a, a[1:] + a[:1], strict=True):
+    for (px, py), (qx, qy) in edges(a):
         length = math.hypot(qx - px, qy - py)
         if length > 0.0:
             nx, ny = (qy - py) / length, (px - qx) / length

@@ -2,6 +2,7 @@
 """Plays a way in time, whole or by steps: what is slowed is the hand's motion, never the physics."""
 
 import math
+from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 from haptic_sim.scene.motion import Place
@@ -105,10 +106,7 @@ def _pieces(way):
 
 
 def _ways(places):
-    ways = [0.0]
-    for before, place in zip(places, places[1:], strict=False):
-        ways.append(ways[-1] + math.hypot(*_step(before, place)))
-    return tuple(ways)
+    return tuple(accumulate((math.hypot(*_step(*leg)) for leg in pairwise(places)), initial=0.0))
 
 
 def _step(a, b):

@@ -32,7 +32,7 @@ def test_every_scene_compiles_to_finite_numbers_at_a_step_that_was_measured_with
         scene = load(name)
         reduced, rows = reduce_scene(scene), {row.method: row for row in of_scene(name)}
         model = reduced.model
-        finite = [array for key, array in model._asdict().items() if key not in ("mass", "inertia", "joint_limit")]
+        finite = [one for key, one in vars(model).items() if key not in ("record", "mass", "inertia", "joint_limit")]
         assert all(np.isfinite(array).all() for array in finite), name
         assert np.isfinite(model.mass).tolist() == [not fixed for fixed in model.fixed]
         assert 1e-3 / reduced.sub_step == pytest.approx(round(1e-3 / reduced.sub_step))

@@ -21,27 +21,25 @@ MISFIT = 1e-6
 NEAR = 1e-4
 """m from the corner where an edge is looked at; of a short edge its quarter."""
 
+Faces = tuple[np.ndarray, np.ndarray]
+"""Corners of a polygon, and the normals of the edges that start there."""
 
-def covered_edges(model: Model, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of each corner, how deep below the surface its other edge is covered from it on [m]; 0 where nothing is.
 
-    (v, 2): the edge that starts there, and the one that ends there. (v): the larger, if the surface goes straight on.
-    `normals` of the edges in the body's frame.
-    """
-    covered, straight = np.zeros((len(model.vertices), 2)), np.zeros(len(model.vertices))
+def cover_edges(model: Model) -> None:
+    """Writes of each corner how deep below the surface an edge is covered from it on, into `covered` and `straight`."""
+    covered, normals = model.covered, model.normals
     for s, neighbours in _neighbours(model):
         first, end = model.shape_start[s], model.shape_start[s + 1]
         for v in range(first, end):
             after, before = v + 1 if v + 1 < end else first, v - 1 if v > first else end - 1
             corner, ahead, back = model.vertices[[v, after, before]]
             for n in neighbours:
-                faces = _faces(model, normals, n)
+                faces = _faces(model, n)
                 for side, (to, along, surface) in enumerate(((ahead, back, before), (back, ahead, v))):
                     depth = _cover(faces, corner, to, along, normals[surface])
                     covered[v, side] = max(covered[v, side], depth)
                     if abs(_outside(faces, corner - _near(corner, along))) <= MISFIT:
-                        straight[v] = max(straight[v], depth)
-    return covered, straight
+                        model.straight[v] = max(model.straight[v], depth)
 
 
 def _neighbours(model: Model) -> Iterator[tuple[int, list[int]]]:
@@ -60,14 +58,14 @@ def _neighbours(model: Model) -> Iterator[tuple[int, list[int]]]:
             yield s, near
 
 
-def _bounds(model):
+def _bounds(model: Model) -> tuple[np.ndarray, np.ndarray]:
     """Least and largest coordinates of each shape in its body's frame [m]."""
     starts, radius = model.shape_start[:-1], model.radius[:, None]
     low, high = np.minimum.reduceat(model.vertices, starts), np.maximum.reduceat(model.vertices, starts)
     return low - radius, high + radius
 
 
-def _cover(faces, corner, to, along, normal):
+def _cover(faces: Faces, corner: np.ndarray, to: np.ndarray, along: np.ndarray, normal: np.ndarray) -> float:
     """How deep below the surface, of this normal and `along`, the edge from a corner `to` another is covered [m]."""
     if abs(_outside(faces, corner)) > MISFIT or _outside(faces, corner + _near(corner, along)) < -MISFIT:
         return 0.0
@@ -79,18 +77,18 @@ def _cover(faces, corner, to, along, normal):
     return float(min(1.0, ways.min(initial=1.0)) * ((corner - to) @ normal))
 
 
-def _near(corner, other):
+def _near(corner: np.ndarray, other: np.ndarray) -> np.ndarray:
     """The first bit of the way from a corner to another."""
     length = math.dist(corner, other)
     return (other - corner) * (min(NEAR, 0.25 * length) / length)
 
 
-def _faces(model, normals, s):
+def _faces(model: Model, s: int) -> Faces:
     first, end = model.shape_start[s], model.shape_start[s + 1]
-    return model.vertices[first:end], normals[first:end]
+    return model.vertices[first:end], model.normals[first:end]
 
 
-def _outside(faces, point):
+def _outside(faces: Faces, point: np.ndarray) -> float:
     """How far a point is outside a polygon [m]; below zero inside."""
     points, normals = faces
     return float(np.max(np.sum((point - points) * normals, axis=1)))
