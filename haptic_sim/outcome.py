@@ -2,16 +2,17 @@
 """What came of a run: its figures from the bag, and whether its job was done."""
 
 import math
+from functools import cached_property
 from itertools import pairwise
 from statistics import median
 
 import numpy as np
 
 from haptic_device.analysis.quantity import Array, Flags
-from haptic_device.analysis.report import summary
+from haptic_device.analysis.report import quantities, summary
 from haptic_device.analysis.report.run import Run
 from haptic_device.digits import plain
-from haptic_device.recording.bag_contents import Recording
+from haptic_device.recording.bag_contents import Recording, Records
 from haptic_device.status import number
 from haptic_sim.exchange.left_out_time import CHEAPER, NOTICED, QUIETER, SHARE, takes
 from haptic_sim.fault_sentence import FAULTS, what_to_do
@@ -19,7 +20,14 @@ from haptic_sim.scene.language import Task
 
 ANSWERED = 0.9  # of the handle samples sent, for scenes without a goal of their own
 LATE = 0.01  # share of the samples that may come late without a word
-_NOTHING = ("servo", "exchange", "simulation", "withheld_s", "energy_j", "contact", "report", "startup_s")
+
+
+class Engaged(Run):
+    """A run of the ticks with the motor engaged alone. Raises ValueError where there are fewer than two."""
+
+    @cached_property
+    def rows(self) -> Records:
+        return summary.engaged_rows(self.recording.trace)
 
 
 def figures(recording: Recording, started: float, lossy: bool = False) -> dict:
@@ -28,38 +36,18 @@ def figures(recording: Recording, started: float, lossy: bool = False) -> dict:
     lossy: a relay loses handle samples, or has one overtake another, so that nobody else is to blame for it.
     Raises ValueError if the bag lacks what the figures are read from.
     """
-    rows = summary.engaged_rows(recording.trace)
-    servo = summary.servo_figures(rows) | {"late_device": summary.late_samples(rows)}
-    exchange, waited = summary.exchange_figures(recording, rows), summary.waited_time(recording)
-    seconds = float(rows["deadline"][-1] - rows["deadline"][0]) * 1e-9
-    driver, simulation = (recording.last_values(node) for node in ("haptic_driver", "haptic_simulation"))
-    return {
-        "seconds": seconds,
-        "late": late(servo, driver),
-        "servo": servo | {"realtime": driver.get("realtime")},
-        "exchange": exchange | {"cause": "" if lossy else cause(servo, exchange, _load(recording), waited, seconds)},
-        "simulation": {name: simulation.get(name) for name in ("method", "why")} | {"waited_s": waited},
-        "withheld_s": _withheld(recording),
-        "energy_j": summary.energy_figures(recording, rows),
-        "contact": summary.contact_figures(recording, rows),
-        "residual": summary.residual_figures(recording, rows),
-        "result": summary.results(simulation),
-        "result_greatest": summary.greatest_results(recording),
-        "faults": summary.faults(recording),
-        "startup_s": summary.first_command(recording.trace) - started,
-    }
-
-
-def _withheld(recording: Recording) -> dict[str, float]:
-    """How long each cause withheld force [s], on the device's side and at the tool's port."""
-    found = {name: total for name, (total, _) in (summary.withheld_figures(recording) or {}).items()}
-    return found | ({"tool_port": short} if (short := summary.short_time(recording)) else {})
+    run = Engaged(recording, "", started=started)
+    found = quantities.figures(run)
+    servo, exchange, waited = found["servo"], found["exchange"], found["simulation"]["waited_s"]
+    exchange["cause"] = "" if lossy else cause(servo, exchange, _load(recording), waited, run.length)
+    return {"seconds": run.length, "late": late(servo, recording.last_values("haptic_driver"))} | found
 
 
 def nothing() -> dict:
     """The same keys for a run that left no figures."""
-    none = {**dict.fromkeys(_NOTHING), "residual": None}
-    return {"seconds": 0.0, "late": "", **none, "result": {}, "result_greatest": {}, "task": None, "faults": []}
+    groups = (one.key.split()[0] for one in quantities.QUANTITIES if one.key)
+    none = dict.fromkeys(("seconds", "late", *groups, "report", "task"))
+    return none | {"seconds": 0.0, "late": "", "result": {}, "result_greatest": {}, "faults": []}
 
 
 def late(servo: dict, driver: dict[str, str]) -> str:

@@ -9,7 +9,9 @@ from typing import NamedTuple
 import numpy as np
 import yaml
 
-from haptic_device.analysis.report.summary import energy_figures, engaged_rows, faults, period
+from haptic_device.analysis.report.conditions import period
+from haptic_device.analysis.report.run import Run
+from haptic_device.analysis.report.summary import energy_to_operator, engaged_rows, faults, given_to_tool
 from haptic_device.config_files import find
 from haptic_device.description import load_device
 from haptic_device.parameter_files import read_operating_point
@@ -109,10 +111,10 @@ def _live(scene, method, network, device, driver, hand, seconds, params):
         recording = load_recording(out / "bag")
         rows = engaged_rows(recording.trace)
         rows = rows[: np.searchsorted(rows["deadline"], rows["deadline"][0] + seconds * 1e9)]
-        energies = energy_figures(recording, rows)
+        most, ran = max(energy_to_operator(recording, rows), default=0.0), Run(recording, scene.name)
         sets = int(recording.last_values("haptic_driver").get("local_sets", 0))
-    given, supplied = max(0.0, energies["given_to_operator_max"]), energies["tool_port_end"]
-    return Ran(rows.view(np.recarray), _tool_error(rows), given, supplied, sets, tuple(faults(recording)))
+    given, supplied, fell = max(0.0, float(most)), given_to_tool(ran), tuple(faults(ran))
+    return Ran(rows.view(np.recarray), _tool_error(rows), given, supplied, sets, fell)
 
 
 def _tool_error(rows):

@@ -66,6 +66,13 @@ class Spectrum(NamedTuple):
     oscillation: Oscillation | None
 
 
+def too_short(samples: int, rate: float) -> str:
+    """That so many samples at this rate [Hz] are too few for a spectrum, a sentence; "" if they are enough."""
+    if samples >= int(WINDOW * rate):
+        return ""
+    return f"a force of {samples / rate:.2g} s is too short for a spectrum; {WINDOW} s are needed"
+
+
 def spectrum_of(force: Array, rate: float, known: float = 0.0) -> Spectrum:
     """Spectrum of a force, all axes together.
 
@@ -88,8 +95,8 @@ def spectrum_of(force: Array, rate: float, known: float = 0.0) -> Spectrum:
     if np.ndim(force) != 2 or not np.size(force, 1):
         raise ValueError(f"a force of shape {np.shape(force)} has no spectrum; (samples, axes) is needed")
     length = int(WINDOW * rate)
-    if len(force) < length:
-        raise ValueError(f"a force of {len(force) / rate:.2g} s is too short for a spectrum; {WINDOW} s are needed")
+    if said := too_short(len(force), rate):
+        raise ValueError(said)
     step = length // 2 * PIECE  # long forces piece by piece: their spectra alone would need more memory than they
     starts = range(0, len(force) - length + 1, step)
     pieces = [_densities(force[at : at + step + length // 2], rate, length) for at in starts]

@@ -109,11 +109,15 @@ class Joints(NamedTuple):
 
         Raises ValueError, with what there is, if the topic has no such entry or this part of it is not there.
         """
-        if name not in self.names:
-            raise ValueError(f"the topic has no entry {name}; it has {', '.join(self.names) or 'none'}")
+        if said := self.lacks(name):
+            raise ValueError(said)
         if part not in (there := self._parts()):
             raise ValueError(f"the topic has no {part} of {name}; it has {', '.join(there) or 'names only'}")
         return getattr(self, part)[:, self.names.index(name)]
+
+    def lacks(self, name: str) -> str:
+        """That the topic has no such entry, a sentence; "" if it has."""
+        return "" if name in self.names else f"the topic has no entry {name}; it has {', '.join(self.names) or 'none'}"
 
     def _parts(self) -> list[str]:
         """Of position, velocity and effort those that were read."""
@@ -194,6 +198,12 @@ class Recording:
     def joint(self, topic: str) -> Joints:
         """A JointState topic by its short name, such as `operator/state`. Raises ValueError if it was not recorded."""
         return self._named(self.joints, "JointState topic", topic)
+
+    def lacks(self, topic: str, *entries: str) -> str:
+        """That a JointState topic, or one of these entries of it, was not recorded, a sentence; "" if all were."""
+        if topic not in self.joints:
+            return self._missing("JointState topic", topic)
+        return next(filter(None, map(self.joints[topic].lacks, entries)), "")
 
     @property
     def trace(self) -> Records:
@@ -287,13 +297,16 @@ class Recording:
 
     def _named(self, found: dict[str, Any], kind: str, topic: str) -> Any:
         if topic not in found:
-            kinds: dict[str, Iterable[str]] = {"JointState topics": self.joints, "clouds": self.clouds}
-            there = " and the ".join(f"{name} {', '.join(names)}" for name, names in kinds.items() if names)
-            told = f"the {there}" if there else "neither JointState topics nor clouds"
-            why = "".join(f"; {note}" for note in self.notes)
-            what = f"{kind} {topic}" if topic in self.joints | self.clouds else f"topic {topic}"
-            raise ValueError(f"bag {self.bag} has no {what} under {self.namespace or '/'}; it has {told}{why}")
+            raise ValueError(self._missing(kind, topic))
         return found[topic]
+
+    def _missing(self, kind: str, topic: str) -> str:
+        kinds: dict[str, Iterable[str]] = {"JointState topics": self.joints, "clouds": self.clouds}
+        there = " and the ".join(f"{name} {', '.join(names)}" for name, names in kinds.items() if names)
+        told = f"the {there}" if there else "neither JointState topics nor clouds"
+        why = "".join(f"; {note}" for note in self.notes)
+        what = f"{kind} {topic}" if topic in self.joints | self.clouds else f"topic {topic}"
+        return f"bag {self.bag} has no {what} under {self.namespace or '/'}; it has {told}{why}"
 
 
 def flat_cloud(rows: Records) -> dict[str, npt.NDArray[Any]]:

@@ -4,15 +4,13 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-import numpy as np
 from rich.markup import escape
 from rich.table import Table
 from rich.text import Text  # what nodes have said may look like markup
 
+from haptic_device.analysis.report.quantities import QUANTITIES
 from haptic_device.analysis.report.run import Run
-from haptic_device.digits import amount, plain, with_error
 from haptic_device.process import say
-from haptic_device.status import number
 from haptic_sim.cli.outcome_rows import answer, rows
 from haptic_sim.cli.words import console, print_sentence
 
@@ -48,74 +46,13 @@ def print_notes(bag: Path | str, notes: Iterable[str]) -> None:
 
 def print_comparison(runs: dict[str, Run]) -> None:
     """Prints one line for each run."""
-    table = Table("run", *map(escape, FIGURES))
-    for name, run in runs.items():
-        table.add_row(name, *figures_of(run))
+    told = {name: compared(run) for name, run in runs.items()}
+    table = Table("run", *map(escape, next(iter(told.values()))))
+    for name, found in told.items():
+        table.add_row(name, *found.values())
     console().print(table)
 
 
-def figures_of(run: Run) -> list[str]:
-    """The figures of one run as in FIGURES; a dash where the run does not tell."""
-    return [_told(found, run) for found in FIGURES.values()]
-
-
-def _told(found, run: Run) -> str:
-    try:
-        return found(run)
-    except (ValueError, IndexError):
-        return "—"
-
-
-def _known(values: np.ndarray) -> np.ndarray:
-    """Those that are numbers. Raises ValueError if there is none."""
-    known = values[np.isfinite(values)]
-    if not len(known):
-        raise ValueError("nothing of it is a number")
-    return known
-
-
-def _stiffness(run: Run) -> str:
-    """Fitted in contact, in the axis that tells most."""
-    found = [fitted for (kind, axis), fitted in run.impedances.items() if kind == "contact" and axis != "theta"]
-    best = min(found, key=lambda fitted: fitted.stiffness.error / abs(fitted.stiffness.value))
-    return with_error(best.stiffness.value, best.stiffness.error)
-
-
-def _error(run: Run) -> str:
-    """RMS of the distance from handle to tool."""
-    return plain(float(np.sqrt(np.mean(_known(run.distance) ** 2, dtype=float))) * 1e3)
-
-
-def _energy(run: Run) -> str:
-    """Largest energy given to the operator: by the truth, or else as the servo counts it."""
-    try:
-        return plain(float(np.max(_known(run.given))) * 1e3)
-    except ValueError:
-        return f"{plain(float(np.max(_known(run.booked))) * 1e3)} by the servo"
-
-
-def _wave(run: Run) -> str:
-    found = run.spectrum.oscillation
-    return "none" if found is None else f"{plain(found.frequency, 'Hz')}, {amount(found.force, 'N')}"
-
-
-def _margin(run: Run) -> str:
-    return plain(float(np.min(_known(run.rows["margin"][:, :2]))))
-
-
-def _cpu(run: Run) -> str:
-    """In lock-step the share of a core that plant, servo and simulation would need in real time."""
-    share = number(run.recording.last_values("haptic_replay").get("cpu_share", ""))
-    if np.isnan(share):
-        raise ValueError("a live run")
-    return f"{100 * share:.1f}"
-
-
-FIGURES = {
-    "stiffness [N/m]": _stiffness,
-    "error [mm]": _error,
-    "energy given [mJ]": _energy,
-    "oscillation": _wave,
-    "least margin [N s/m]": _margin,
-    "CPU [%]": _cpu,
-}
+def compared(run: Run) -> dict[str, str]:
+    """What the table of several runs tells of one, by column; a dash where the run does not tell."""
+    return {one.column: one.text(run) for one in QUANTITIES if one.column}

@@ -27,7 +27,9 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from haptic_device.analysis.report import summary
+from haptic_device.analysis.report.quantities import figures
+from haptic_device.analysis.report.run import Run
+from haptic_device.analysis.report.summary import engaged_rows
 from haptic_device.control import records
 from haptic_device.message_fields import TAIL
 from haptic_device.nodes.recorded_topics import KNOWN
@@ -275,32 +277,36 @@ def test_each_row_of_a_cloud_without_deadlines_has_the_time_of_its_message(tmp_p
     assert (recording.cloud_stamps["scene/contacts"] - BOOT_TO_EPOCH).tolist() == [5 * 10**9, 5 * 10**9, 55 * 10**8]
 
 
+def of_rows(run, rows):
+    """The figures of a bag as if these were its rows."""
+    return figures(Run(replace(load(run), clouds={"trace": rows}), "run"))
+
+
 def test_figures_of_the_servo_and_of_the_exchange_are_those_of_the_run(run):
     rows = swing(1000)
     rows["missed"][500:], rows["lateness"][-1] = 3, 70e-6
-    servo = summary.servo_figures(rows)
+    servo = of_rows(run, rows)["servo"]
     assert servo["rate_hz"] == pytest.approx(1e9 / PERIOD_NS) and (servo["ticks"], servo["missed"]) == (1000, 3)
     assert servo["lateness_us"]["p50"] == pytest.approx(8) and servo["lateness_us"]["max"] == pytest.approx(70)
-    recording = load(run)
-    exchange = summary.exchange_figures(recording, recording.trace)
+    found = of_rows(run, swing(2000))
+    exchange, energy = found["exchange"], found["energy_j"]
     assert (exchange["sent"], exchange["answered"]) == (500, 499)  # the last one's answer lies beyond the end
     assert exchange["rate_hz"] == pytest.approx(1000, rel=2e-3) and exchange["age_ms"]["p50"] == pytest.approx(1.5)
-    energy = summary.energy_figures(recording, swing(2000))
     assert energy["given_to_operator_max"] == 0.0 and energy["given_to_operator_end"] == pytest.approx(-0.499)
     assert energy["tool_port_end"] == 0.125
     rows["engage"] = 0
     with pytest.raises(ValueError, match="0 with the motor engaged"):
-        summary.engaged_rows(rows)
+        engaged_rows(rows)
 
 
 def test_forces_of_handle_and_tool_differ_by_exactly_what_age_explains_and_a_wrong_sign_is_not_explained(run):
     rows = swing(2000)
-    found = summary.residual_figures(load(run), rows)
+    found = of_rows(run, rows)["residual"]
     assert found["rms_n"] > 0.1
     assert found["explained_by_age_n"] == pytest.approx(found["rms_n"], rel=1e-9)
     assert found["unexplained_n"] < 1e-9
     rows["tool_effort"] *= -1
-    found = summary.residual_figures(load(run), rows)
+    found = of_rows(run, rows)["residual"]
     assert found["unexplained_n"] > found["explained_by_age_n"]
 
 

@@ -9,8 +9,8 @@ from lockstep_systems import device, values
 
 from haptic_device import controller_config, gain_check
 from haptic_device.analysis.report import page
+from haptic_device.analysis.report.quantities import sections
 from haptic_device.analysis.report.reading import read_run
-from haptic_device.analysis.report.table import sections
 from haptic_device.parameter_types import defaults
 from haptic_device.realtime import tick_replay
 from haptic_device.recording import load
@@ -216,7 +216,7 @@ def test_compare_tells_of_each_operating_point_the_figures_of_the_report_and_the
     for run, stiffness in ((read_run(out / "1-soft"), 400.0), (read_run(out / "2-hard"), 1200.0)):
         found = run.impedances["contact", "x"]
         assert found.explained > 0.99 and found.stiffness.value == pytest.approx(stiffness, rel=0.02)
-        told, shown = dict(zip(tables.FIGURES, tables.figures_of(run), strict=True)), sections(run)
+        told, shown = tables.compared(run), sections(run)
         x, y = (part.removesuffix(" N s/m") for part in shown["Energy"]["least margin x, y, θ"].split(", ")[:2])
         assert told["least margin [N s/m]"] == min(x, y, key=float) and float(x) > 0.0
         assert f"{told['stiffness [N/m]']} N/m" in shown["Impedance added by the display"].values()

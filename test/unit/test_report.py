@@ -29,22 +29,21 @@ from matplotlib.text import Text
 from mcap.reader import make_reader
 
 from haptic_device.analysis.palette import RUNS
-from haptic_device.analysis.report import curves, figures
+from haptic_device.analysis.report import curves, figures, quantities
 from haptic_device.analysis.report import page as pages
 from haptic_device.analysis.report.figures import FIGURES
 from haptic_device.analysis.report.page import write_report
 from haptic_device.analysis.report.picture import DPI, SIZE, draw_picture
+from haptic_device.analysis.report.quantities import sections
 from haptic_device.analysis.report.reading import read_run
 from haptic_device.analysis.report.run import Run
-from haptic_device.analysis.report.summary import contact_figures, energy_figures
-from haptic_device.analysis.report.table import sections
 from haptic_device.analysis.report.verdict import WARN, verdict
 from haptic_device.control import withheld
 from haptic_device.recording import load
 from haptic_device.recording.layouts import CloudLayout
 from haptic_device.recording.writer import Bag
 from haptic_sim.cli.report import report
-from haptic_sim.cli.tables import figures_of
+from haptic_sim.cli.tables import compared
 from haptic_sim.scene.draw import draw
 from haptic_sim.scene.language import load as scene_of
 
@@ -148,7 +147,7 @@ def test_a_few_ticks_that_are_no_numbers_take_no_figure_with_them(tmp_path, colu
     assert found["Servo"]["rate"] == "4000 Hz" and found["Servo"]["missed ticks"] == "0"
     assert found["Servo"]["lateness p50, p99, max"] == "8, 8, 8 µs"
     assert not any("nan" in value for section in found.values() for value in section.values())
-    assert "nan" not in "".join(figures_of(read_run(tmp_path / "some"))) and "positions" in drawn(run)
+    assert "nan" not in "".join(compared(read_run(tmp_path / "some")).values()) and "positions" in drawn(run)
 
 
 def of_columns(folder, rows, names):
@@ -212,7 +211,7 @@ def test_the_strongest_contact_is_that_of_this_recording_and_not_of_before(tmp_p
     said = [{"max_contact_force": force} for force in forces]
     run = said_meanwhile(tmp_path / "later", "haptic_simulation", *said, touched=touched)
     assert sections(run)["Contact"]["strongest contact"] == told
-    value = contact_figures(run.recording, run.rows)["max_force_n"]
+    value = quantities.figures(run)["contact"]["max_force_n"]
     assert (value is None) == told.startswith("at most")
 
 
@@ -221,7 +220,7 @@ def test_what_the_nodes_count_is_counted_from_their_first_message_and_a_new_worl
     names = ("sub_steps", "waited_s", "tool_port_energy")
     run = said_meanwhile(tmp_path / "world", "haptic_simulation", *(dict(zip(names, one, strict=True)) for one in said))
     assert sections(run)["Exchange"]["time that the world left out"] == "750 ms"
-    assert energy_figures(run.recording, run.rows)["tool_port_end"] == 0.25 + 0.125 - 0.25
+    assert quantities.figures(run)["energy_j"]["tool_port_end"] == 0.25 + 0.125 - 0.25
     said = [
         {"trace_dropped": dropped, "telemetry_skipped": skipped} for dropped, skipped in ((3, 5), (8, 20), (10, 35))
     ]

@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from haptic_device.analysis.palette import BLUE, DASHED, DOTTED, GREEN, ORANGE, PURPLE, SOLID, VERMILION, Dashes
 from haptic_device.analysis.quantity import Array
+from haptic_device.analysis.report.conditions import period
 from haptic_device.analysis.report.run import Run
-from haptic_device.analysis.report.summary import period
 from haptic_device.digits import amount, plain
 
 Values = npt.NDArray[np.floating]

@@ -11,10 +11,11 @@ from pathlib import Path
 
 from haptic_device.analysis.palette import RUNS
 from haptic_device.analysis.report.figures import FIGURES, Figure, Special, draw_figure
+from haptic_device.analysis.report.quantities import sections
 from haptic_device.analysis.report.run import Run
 from haptic_device.analysis.report.style import LEVELS, STYLE
-from haptic_device.analysis.report.table import MISSING, sections
 from haptic_device.analysis.report.verdict import verdict
+from haptic_device.digits import UNKNOWN
 from haptic_device.os_errors import naming
 
 MOST = len(RUNS)  # runs side by side
@@ -139,7 +140,7 @@ def _tables(runs: list[Run]) -> str:
     parts = []
     for title in columns[0]:
         lines = list(dict.fromkeys(name for column in columns for name in column[title]))
-        rows = "".join(_row(name, [column[title].get(name, MISSING) for column in columns]) for name in lines)
+        rows = "".join(_row(name, [column[title].get(name, UNKNOWN) for column in columns]) for name in lines)
         if rows:
             table = f"<table>{head}<tbody>{rows}</tbody></table>"
             parts.append(f"<details><summary><h3>{_text(title)}</h3></summary>{table}</details>")

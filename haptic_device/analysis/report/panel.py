@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 
 from haptic_device.analysis.impedance import Impedance
 from haptic_device.analysis.palette import BLACK, DASHED, DOTTED, HANDLE, SOLID, TOOL, Look
+from haptic_device.analysis.report.conditions import gains
 from haptic_device.analysis.report.curves import POINTS, Values
 from haptic_device.analysis.report.run import Run
-from haptic_device.analysis.report.summary import gains
 
 GRID = "0.9"
 Limits = tuple[float, float, float, float]  # left, right, bottom, top [mm]
@@ -113,7 +113,7 @@ def impedance(grid: Sequence[Axes], runs: Sequence[Run], looks: Sequence[Look]) 
                     "label": label,
                 }
                 axes.errorbar(estimate.value, place, xerr=estimate.error, capsize=4, **dots)
-        for axes, value in zip(grid, _set_gains(run), strict=False):
+        for axes, value in zip(grid, gains(run.recording).values(), strict=False):
             look = looks[number] if len(runs) > 1 else Look(BLACK, "", DOTTED)
             axes.axvline(value, color=look.colour, linestyle=DOTTED, linewidth=1.2)
     for axes, label in zip(grid, ("stiffness [N/m]", "damping added [N s/m]"), strict=True):
@@ -127,11 +127,3 @@ def impedance(grid: Sequence[Axes], runs: Sequence[Run], looks: Sequence[Look]) 
 
 def _rows(run: Run) -> dict[tuple[str, str], Impedance]:
     return {(kind, axis): fitted for (kind, axis), fitted in run.impedances.items() if axis != "theta"}
-
-
-def _set_gains(run: Run) -> list[float]:
-    """Stiffness and damping of the coupling, if the bag has them."""
-    try:
-        return list(gains(run.recording).values())[:2]
-    except (ValueError, IndexError):
-        return []

@@ -14,7 +14,7 @@ import yaml
 from haptic_device.analysis.impedance import Impedance, fit, held_still
 from haptic_device.analysis.oscillation import Spectrum, spectrum_of
 from haptic_device.analysis.quantity import Array, Flags
-from haptic_device.analysis.report import summary
+from haptic_device.analysis.report.conditions import conditions, period
 from haptic_device.analysis.wall_contacts import Contact, contacts, touching
 from haptic_device.recording.bag_contents import Joints, Nanoseconds, Recording, Records
 from haptic_device.status import number
@@ -35,6 +35,7 @@ class Run:
         name: name of the bag.
         notes: problems of the bag, one sentence each.
         no_trace: why there is no trace that can be shown, or "".
+        started: when the command began, on CLOCK_MONOTONIC [s], if that is known.
 
     Examples:
         >>> from haptic_device.analysis.report.reading import read_run
@@ -50,6 +51,7 @@ class Run:
     name: str
     notes: list[str] = field(default_factory=list)
     no_trace: str = ""
+    started: float | None = None
 
     @property
     def traced(self) -> bool:
@@ -204,10 +206,9 @@ class Run:
     @cached_property
     def conditions(self) -> dict[str, str]:
         """Gains, T, b and method, as far as they were recorded."""
-        try:
-            return summary.conditions(self.recording)
-        except (ValueError, IndexError, ZeroDivisionError):
-            return {"T": f"{summary.period(self.rows) * 1e6:.0f} µs"} if self.traced else {}
+        if found := conditions(self.recording):
+            return found
+        return {"T": f"{period(self.rows) * 1e6:.0f} µs"} if self.traced else {}
 
     @cached_property
     def touch(self) -> Flags:
@@ -229,7 +230,7 @@ class Run:
         """Spectrum of the force on the handle in x and y."""
         sent = self.rows["handle_sequence"][-1] - self.rows["handle_sequence"][0]
         exchange = max(0.0, float(sent / self.seconds[-1])) if np.isfinite(sent) else 0.0
-        return spectrum_of(self.rows["force_on_handle"][:, :2], 1.0 / summary.period(self.rows), exchange)
+        return spectrum_of(self.rows["force_on_handle"][:, :2], 1.0 / period(self.rows), exchange)
 
     @cached_property
     def physical_damping(self) -> Array:

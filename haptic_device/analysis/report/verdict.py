@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What came of a run, in two sentences: how it ended, and what was wrong meanwhile."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -54,18 +54,10 @@ def verdict(run: Run) -> Verdict:
         >>> verdict(read_run("run/bag")).level
         'good'
     """
-    ending, rest = ([found for part in parts for found in _tried(part, run)] for parts in (_ENDING, _REST))
+    ending, rest = ([found for part in parts for found in part(run)] for parts in (_ENDING, _REST))
     levels = {level for level, _ in ending + rest}
     worst = next((level for level in (BAD, WARN) if level in levels), GOOD)
     return Verdict(worst, *(" ".join(f"{sentence}." for _, sentence in part) for part in (ending, rest)))
-
-
-def _tried(part: Callable[[Run], Findings], run: Run) -> list[tuple[str, str]]:
-    """What the part finds; why it judges nothing where the recording lacks what it needs."""
-    try:
-        return list(part(run))
-    except (ValueError, IndexError, ZeroDivisionError) as error:
-        return [(WARN, f"Not judged: {part.__name__[1:].replace('_', ' ')} ({error})")]
 
 
 def _whole(run: Run) -> Findings:
@@ -86,7 +78,7 @@ def _faults(run: Run) -> Findings:
         found, last, known = sorted({*said} - {""}), said[-1] if said else "", bool(said)
     else:
         codes = run.recording.trace["fault"]
-        found, last = summary.faults(run.recording), name_of(int(np.nan_to_num(codes[-1])))
+        found, last = summary.faults(run), name_of(int(np.nan_to_num(codes[-1])))
         known = bool(np.isfinite(codes).any())
     if last in _FAULTS:
         yield BAD, f"Ended by a fault: {_title(last)} ({_FAULTS[last].cause})"
@@ -104,8 +96,8 @@ def _title(name: str) -> str:
 
 
 def _job(run: Run) -> Findings:
-    greatest = summary.greatest_results(run.recording)
-    for name, value in summary.results(run.recording.last_values("haptic_simulation")).items():
+    greatest = summary.greatest_results(run)
+    for name, value in summary.last_results(run).items():
         last, most = (plain(round(100 * one)) for one in (value, greatest.get(name, value)))
         told = f"{name.replace('_', ' ')} {last} %"
         if name not in summary.GOALS:
@@ -117,12 +109,10 @@ def _job(run: Run) -> Findings:
 
 
 def _energy(run: Run) -> Findings:
-    try:
-        given = np.fmax.reduce(run.given)
-    except ValueError:
-        if not run.traced:
-            return
-        given = np.fmax.reduce(run.booked)
+    known = not run.recording.lacks("operator/state", "energy_given") and len(run.given)
+    if not known and not run.traced:
+        return
+    given = np.fmax.reduce(run.given if known else run.booked)
     if given > NOTHING:
         yield WARN, f"The operator got up to {amount(float(given), 'J')} more than was put in"
     elif np.isfinite(given):
@@ -132,20 +122,17 @@ def _energy(run: Run) -> Findings:
 
 
 def _withheld(run: Run) -> Findings:
-    found = summary.withheld_figures(run.recording) if run.traced else None
-    causes = {name: total for name, (total, _) in (found or {}).items()}
-    if short := summary.short_time(run.recording):
-        causes["tool_port"] = short
+    causes = summary.withheld_seconds(run)
     if causes:
         yield WARN, "Force was withheld: " + ", ".join(f"{name} {total:.2f} s" for name, total in causes.items())
-    elif found is not None:
+    elif run.traced and summary.withheld(run) is not None:
         yield GOOD, "No force was withheld"
 
 
 def _timing(run: Run) -> Findings:
     if not run.traced or not run.rows["lateness"].any():  # in lock-step nothing can be late
         return
-    missed, late, ticks = summary.servo_figures(run.rows)["missed"], summary.late_samples(run.rows), len(run.rows)
+    missed, late, ticks = summary.missed(run), summary.late_samples(run), len(run.rows)
     said = [] if missed is None else [f"{missed} of {ticks} ticks missed"]
     said += [] if late is None else [f"{late} of the device's samples late"]
     if said:
@@ -155,16 +142,18 @@ def _timing(run: Run) -> Findings:
 def _answers(run: Run) -> Findings:
     if not run.traced:
         return
-    found = summary.exchange_figures(run.recording, run.rows)
-    if found["sent"] and found["answered"] < (1.0 - LATE) * found["sent"]:
-        yield WARN, f"Only {found['answered']} of {found['sent']} handle samples were answered"
+    sent, answered = summary.sent(run), summary.answered(run)
+    if sent and answered < (1.0 - LATE) * sent:
+        yield WARN, f"Only {answered} of {sent} handle samples were answered"
 
 
 def _forces(run: Run) -> Findings:
     if not run.traced:
         return
-    rows = summary.engaged_rows(run.recording.trace)
-    found = summary.residual_figures(run.recording, rows)["unexplained_n"]
+    if reason := summary.no_residual(run):
+        yield WARN, f"Not judged: forces ({reason})"
+        return
+    found = summary.residual(run)["unexplained_n"]
     if found is not None and found > MISMATCH:
         yield WARN, f"Forces on handle and tool differ by {amount(found, 'N')} (RMS), which no age of samples explains"
 
