@@ -4,8 +4,8 @@
 import math
 
 from haptic_device import gain_check
-from haptic_device.control import enable_state, faults
-from haptic_device.nodes import diagnostics, withheld_force
+from haptic_device.control import enable_state, faults, withheld
+from haptic_device.nodes import diagnostics
 from haptic_device.nodes.refusals import Refusals
 from haptic_device.parameters import DRIVER_FIGURES
 from haptic_device.realtime import servo_loop
@@ -58,19 +58,19 @@ class DriverDiagnostics:
     def _warnings(self, row):
         """Sentences, what the hand feels first."""
         node = self._node
-        withheld = withheld_force.sentence(self._withheld(row), row)
+        short = withheld.sentence(self._withheld(row), row)
         if refused := self._refused.sentence(node.exchange.refusals()):
             yield refused
-        if withheld:
-            yield withheld
+        if short:
+            yield short
         elif row.tool_age < 0.0 and not refused:
             yield "no simulation: the handle is in free space"
         elif row.tool_age > node.values["exchange.hold"]:
             yield f"the tool sample is {row.tool_age * 1e3:.0f} ms old: the coupling fades out"
         settings = node.settings()[0]
-        short = gain_check.shortfall(settings, float(settings["passivity"]["lateness"]))  # as the servo counts with it
-        if short and node.values["passivity.policy"] != "off":
-            yield f"the passivity margin is not positive: {short}"
+        lack = gain_check.shortfall(settings, float(settings["passivity"]["lateness"]))  # as the servo counts with it
+        if lack and node.values["passivity.policy"] != "off":
+            yield f"the passivity margin is not positive: {lack}"
 
     def _withheld(self, row):
         """{cause: time [s]} of force that is withheld now; a servo that does not run, or is let go, withholds none."""
