@@ -43,7 +43,7 @@ class DriverDiagnostics:
 
     def fault_detail(self, row):
         """The number of the fault at this servo row, in words; "" while it is not known, and where there is none."""
-        return self._node.telemetry.latched.sentence(int(row.fault)) if row.fault else ""
+        return self._node.telemetry.latched.sentence(int(row.fault))
 
     def _status(self, row):
         """(level, message): the fault, or the state, and behind it what a person should know."""
@@ -85,7 +85,7 @@ class DriverDiagnostics:
             "state": enable_state.STATES[int(row.state)],
             "fault": faults.name_of(row.fault),
             "fault_detail": self.fault_detail(row),
-            "fault_first": self._node.telemetry.latched.first(int(row.fault)) if row.fault else "",
+            "fault_first": self._node.telemetry.latched.first(int(row.fault)),
             "withheld": ", ".join(standing),
             "withheld_s": f"{max(standing.values(), default=0.0):.1f}",
             "realtime": node.servo.realtime,

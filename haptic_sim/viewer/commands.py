@@ -114,7 +114,7 @@ class CommandHandler:
         ends = tuple((low + EDGE * (high - low), high - EDGE * (high - low)) for low, high in self.workspace)
         return Limits(ends, *speeds)
 
-    async def do(self, message: messages.Command, session) -> str:
+    async def do(self, message: messages.Message, session) -> str:
         """Does it for a page; returns the sentence that says what was done, "" if there is nothing to say."""
         self._admit(message, session)
         match message:

@@ -150,13 +150,9 @@ class State:
         return True
 
     def _forget(self, now):
-        heard = {name for name, at in self._heard.items() if now < at + STALE}
-        if "places" not in heard:
-            self.places = {}
-        if "contacts" not in heard:
-            self.contacts = []
-        if "wrench" not in heard:
-            self.wrench = None
+        for name, nothing in (("places", {}), ("contacts", []), ("wrench", None)):
+            if now >= self._heard.get(name, -math.inf) + STALE:
+                setattr(self, name, nothing)
 
 
 def _truth(parts):
