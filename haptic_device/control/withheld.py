@@ -6,6 +6,7 @@ A cause counts where it lasts (haptic_device/withheld_time.py): for a moment a d
 """
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -19,15 +20,15 @@ LEAST_ANGLE = 1.0  # [°] below which a tool is not said to be turned
 
 
 class Withheld(NamedTuple):
-    """bit: in the column `withheld`; cause: what keeps the force back; cure: what a person does; number: how much, of
-    the fields of `numbers`; holds: whether the coupling holds the tool as it is drawn; leads: whether it ends when the
+    """bit: in the column `withheld`; cause: what keeps the force back; cure: what a person does; number: how much,
+    from the servo's row; holds: whether the coupling holds the tool as it is drawn; leads: whether it ends when the
     handle comes to the tool."""
 
     bit: int
     name: str
     cause: str
     cure: str
-    number: str = ""
+    number: Callable[[np.record], str] = lambda row: ""
     holds: bool = True
     leads: bool = False
 
@@ -47,7 +48,7 @@ WAITING = _cause(
     "waiting",
     "forces begin only once those wanted are below engage.force and engage.torque",
     "lead the handle to the tool and out of the walls",
-    "{force:.3g} N and {torque:.3g} N m are wanted, the tool is {apart} from the handle",
+    lambda row: f"{_sum(row.force_walls + row.force_coupling)} are wanted, the tool is {_apart(row)} from the handle",
     holds=False,
     leads=True,
 )
@@ -56,7 +57,7 @@ FAR_TOOL = _cause(
     "far_tool",
     "a tool that comes back must be near enough for a force below engage.force and engage.torque",
     "lead the handle to the tool, or call ~/disable and ~/enable",
-    "it is {apart} from the handle",
+    lambda row: f"it is {_apart(row)} from the handle",
     holds=False,
     leads=True,
 )
@@ -64,14 +65,16 @@ OLD_TOOL = _cause(
     "old_tool",
     "tool samples older than exchange.hold let the coupling go, and it returns over exchange.fade",
     "see why the simulation answers late, or raise exchange.hold",
-    "the newest is {age:.0f} ms old, {fade:.0f} % of the coupling is there",
+    lambda row: (
+        f"the newest is {row.tool_age * 1e3:.0f} ms old, {row.exchange_fade * 1e2:.0f} % of the coupling is there"
+    ),
     holds=False,
 )
 TANK = _cause(
     "tank",
     "the energy tank cannot pay for the coupling, which is kept short",
     "move the handle, which fills the tank, or lead it to the tool; a greater passivity margin fills it faster",
-    "{tank:.3g} mJ are in it, the tool is {apart} from the handle",
+    lambda row: f"{row.exchange_tank * 1e3:.3g} mJ are in it, the tool is {_apart(row)} from the handle",
     holds=False,
     leads=True,
 )
@@ -79,13 +82,13 @@ RELEASED = _cause(
     "released_walls",
     "walls push less, to take back the energy that missed ticks gave",
     "lead the handle out of all walls: then they are whole again",
-    "they push with {walls:.3g} N",
+    lambda row: f"they push with {np.hypot(*row.force_walls[:2]):.3g} N",
 )
 UNPAID = _cause(
     "unpaid_rise",
     "the rise of forces after enabling waits for energy",
     "lead the handle out of the walls and to the tool, or call ~/disable and ~/enable",
-    "they are at {ramp:.0f} %",
+    lambda row: f"they are at {row.engage * 1e2:.0f} %",
     leads=True,
 )
 CHANGE = _cause(
@@ -97,7 +100,7 @@ LIMIT = _cause(
     "limit",
     "more force is wanted than force.limit or the motor holds",
     "push less, towards the tool and out of the walls; or raise force.limit",
-    "the motor holds {motor:.3g} N and {twist:.3g} N m",
+    lambda row: f"the motor holds {_sum(row.force_on_handle)}",
 )
 
 
@@ -109,26 +112,14 @@ def sentence(standing: dict[str, float], row) -> str:
     first = next((each for each in TABLE if each.name in standing), None)
     if first is None:
         return ""
-    told = "; ".join(filter(None, (first.cause, first.number.format_map(numbers(row)), first.cure)))
+    told = "; ".join(filter(None, (first.cause, first.number(row), first.cure)))
     others = "".join(f"; also {name}" for name in standing if name != first.name)
     return f"force withheld for {standing[first.name]:.1f} s ({first.name}): {told}{others}"
 
 
-def numbers(row) -> dict:
-    """What the table's numbers are: forces [N, N m], the distance in words, age [ms], shares [%], energy [mJ]."""
-    wanted = row.force_walls + row.force_coupling
-    return {
-        "force": math.hypot(wanted[0], wanted[1]),
-        "torque": abs(float(wanted[2])),
-        "walls": float(np.hypot(*row.force_walls[:2])),
-        "motor": float(np.hypot(*row.force_on_handle[:2])),
-        "twist": abs(float(row.force_on_handle[2])),
-        "apart": _apart(row),
-        "age": row.tool_age * 1e3,
-        "fade": row.exchange_fade * 100.0,
-        "tank": row.exchange_tank * 1e3,
-        "ramp": row.engage * 100.0,
-    }
+def _sum(force):
+    """Of forces on the plane [N], and the torque [N m]."""
+    return f"{math.hypot(force[0], force[1]):.3g} N and {abs(force[2]):.3g} N m"
 
 
 def _apart(row):
