@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is said of a driver that fell into a fault: which, why, and what to do; in words for a page and a terminal."""
 
-from haptic_device.control.faults import TABLE
+from haptic_device.control.faults import FAULTS
 
-FAULTS = {fault.name: fault for fault in TABLE}
-"""The rows of the table of faults by name."""
-PRESS = "press Reset and engage"
+BUTTON = "Reset and engage"
+PRESS = f"press {BUTTON}"
 TYPE = "press r and e in haptic status"
 RUN = "start again"  # where the nodes have ended
 

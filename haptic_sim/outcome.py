@@ -11,11 +11,12 @@ import numpy as np
 from haptic_device.analysis.quantity import Array, Flags
 from haptic_device.analysis.report import quantities, summary
 from haptic_device.analysis.report.run import Run
+from haptic_device.control.faults import FAULTS
 from haptic_device.digits import plain
 from haptic_device.recording.bag_contents import Recording, Records
 from haptic_device.status import number
 from haptic_sim.exchange.left_out_time import CHEAPER, NOTICED, QUIETER, SHARE, takes
-from haptic_sim.fault_sentence import FAULTS, what_to_do
+from haptic_sim.fault_sentence import what_to_do
 from haptic_sim.scene.language import Task
 
 ANSWERED = 0.9  # of the handle samples sent, for scenes without a goal of their own

@@ -1,247 +1,278 @@
 # SPDX-License-Identifier: Apache-2.0
 """Faults: latched reasons why the motor is off. The table below is the only one; documents are made from it."""
 
+import math
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
-from haptic_device.control import enable_state
-from haptic_device.jit import inlined, kernel
+import numpy as np
 
-NONE, ESTOP, DEVICE_SILENT, NOT_A_NUMBER, ENCODER_JUMP, POSITION, VELOCITY, SATURATION, DEVICE_WATCHDOG = range(9)
-DUTY, UNATTENDED, DEVICE_ESTOP, DEVICE_HOT, DEVICE_LIMIT, DEVICE_ENCODER, DEVICE_CLOCK = range(9, 16)
+from haptic_device.digits import plain
+from haptic_device.message_fields import AXES
+
 # bits of device_status: the sample is of this deadline; the device's watchdog has cut the motor; its e-stop button is
 # pressed; it is too hot; an end switch is reached; an encoder is broken by its own check; its clock is not good enough,
 # as the bridge finds; the motor value was clamped
 FRESH, WATCHDOG, BUTTON, HOT, END_SWITCH, BROKEN_ENCODER, CLOCK, CLAMPED = 1, 2, 4, 8, 16, 32, 64, 128
 CUT = WATCHDOG | BUTTON | HOT | BROKEN_ENCODER  # with any of these the device's motors are at zero
 DEVICE_BITS = CUT | END_SWITCH | CLOCK | CLAMPED  # those that a device sets
-THIS_TICK = "zero in the tick that finds it"
+THIS_TICK, NEXT_TICK = "zero in the tick that finds it", "zero in the next tick"
 BUSY = "end other programs that keep the machine busy"
 DEVICE = "check the device and the line from it: its power, its cable, its program"
 WAY_THERE = "check the line to the device: its cable, its network, how busy its machine is"
 BY_DEVICE = "zero: cut by the device by itself, and kept so"
+SIMULATED, LINE, SERVO = "simulated", "line", "servo"  # places at which a fault comes about
+UNITS, FORCES = ("m", "m", "rad"), ("N", "N", "N m")
+FINITE = {
+    "position": "position",
+    "velocity": "velocity",
+    "force_walls": "force of the walls",
+    "force_coupling": "force of the coupling",
+    "force_cancellation": "force of the damping compensation",
+    "force_passivity": "force of the passivity controller",
+}
+SUM = tuple(FINITE)[2:]
+
+
+class Ticks(NamedTuple):
+    """Rows of the trace up to the one that latched a fault, the SETTINGS that they were made by, and the device's
+    watchdog [s], 0: not known."""
+
+    rows: np.ndarray
+    settings: np.void
+    watchdog: float
+
+    def of(self, column: str, k: int = -1) -> np.ndarray:
+        """A column of row k, by axis."""
+        return self.rows[column][k][: int(self.settings["axes"])]
+
+    def device(self, name: str) -> np.ndarray:
+        """What the device is, by axis."""
+        return self.settings["hardware"][name][: int(self.settings["axes"])]
+
+    def places(self, k: int = -1) -> np.ndarray:
+        """Of the handle at the device [m, m, rad]."""
+        return self.of("counts", k) * self.device("position_per_count") - self.device("zero")
 
 
 class Fault(NamedTuple):
-    """code: as in the trace; title: for people; cause: what latched it; number: how much, by the fields of
-    haptic_device/nodes/fault_detail.py; motor: what it does; first: what a person does before a reset, "" if nothing.
-    """
+    """code: as in the trace; title: for people; cause: what latched it; first: what a person does before a reset, "" if
+    nothing; motor: what it does; number: how much, of the fields that `measure` finds, None where they are not known
+    (`at` among them: a better known place); at: (number, first) where the place is known."""
 
     code: int
     name: str
     title: str
     cause: str
-    number: str
-    motor: str
     first: str
+    motor: str = THIS_TICK
+    number: str = ""
+    measure: Callable[[Ticks], dict | None] = lambda ticks: None
+    at: Mapping[str, tuple[str, str]] = MappingProxyType({})
 
 
-TABLE = (
-    Fault(
-        ESTOP,
-        "estop",
-        "Emergency stop",
-        "a person or a program pressed stop",
-        "",
-        "zero in the tick that takes the command",
-        "",
-    ),
-    Fault(
-        DEVICE_SILENT,
-        "device_silent",
-        "Device does not answer",
-        "the device did not answer for longer than fault.silence",
-        "no answer for {time} s; the limit is {limit} s",
-        "zero in the tick that finds it; a device without writes cuts it by itself",
-        f"{DEVICE}; with a simulated device {BUSY}",
-    ),
-    Fault(
-        NOT_A_NUMBER,
-        "not_a_number",
-        "Not a number",
-        "a position or a force was not finite",
-        "the {what} along {axis} was {value}",
-        THIS_TICK,
-        "keep the recording and report it",
-    ),
-    Fault(
-        ENCODER_JUMP,
-        "encoder_jump",
-        "Encoder jump",
-        "the position changed faster than twice the velocity limit",
-        "{axis} moved by {value} {unit} in {time} ms; the limit is {limit} {unit}",
-        THIS_TICK,
-        "check the encoder and its cable",
-    ),
-    Fault(
-        POSITION,
-        "position",
-        "Handle outside the workspace",
-        "the handle left the workspace of the device",
-        "the handle was at {axis} = {value} {unit}; the workspace ends at {limit} {unit}",
-        THIS_TICK,
-        "lead the handle back into the workspace",
-    ),
-    Fault(
-        VELOCITY,
-        "velocity",
-        "Handle too fast",
-        "the handle was faster than the device's velocity limit",
-        "{value} {unit}/s along {axis}; the limit is {limit} {unit}/s",
-        THIS_TICK,
-        "hold the handle still",
-    ),
-    Fault(
-        SATURATION,
-        "saturation",
-        "Motor at its limit for too long",
-        "more than a motor's limit was wanted for longer than fault.saturation",
-        "{value} {force} wanted along {axis} for {time} s; the limit is {limit} {force}",
-        "zero in the next tick",
-        "lead the handle out of the walls and to the tool",
-    ),
-    Fault(
-        DEVICE_WATCHDOG,
-        "device_watchdog",
-        "Device cut its motor",
-        "the device heard nothing from the servo for too long",
-        "no command for {time} s",
-        "zero: cut by the device when its watchdog was over (15 ms by default), and kept so",
-        f"{BUSY}; {WAY_THERE}",
-    ),
-    Fault(
-        DUTY,
-        "duty",
-        "Motor too warm",
-        "a motor's thermal load rose above fault.duty",
-        "a load of {value} of the limit of {axis}; fault.duty is {limit}",
-        "zero in the next tick",
-        "let the motor cool",
-    ),
-    Fault(
-        UNATTENDED,
-        "unattended",
-        "Driver stood still",
-        "the thread that serves the driver, or the one that hears its commands, stood still for fault.unattended",
-        "the limit is {limit} s",
-        THIS_TICK,
-        BUSY,
-    ),
-    Fault(
-        DEVICE_ESTOP,
-        "device_estop",
-        "Emergency-stop button of the device",
-        "the emergency-stop button of the device was pressed",
-        "",
-        BY_DEVICE,
-        "release the button",
-    ),
-    Fault(
-        DEVICE_HOT,
-        "device_hot",
-        "Device too hot",
-        "the device was too hot and cut its motors",
-        "",
-        BY_DEVICE,
-        "let the device cool",
-    ),
-    Fault(
-        DEVICE_LIMIT,
-        "device_limit",
-        "End switch reached",
-        "an end switch of the device was reached while the display was enabled, with forces or waiting for them",
-        "the handle was at {place}",
-        THIS_TICK,
-        "lead the handle off the switch",
-    ),
-    Fault(
-        DEVICE_ENCODER,
-        "device_encoder",
-        "Encoder broken",
-        "an encoder was broken by the device's own check",
-        "",
-        BY_DEVICE,
-        "check the encoder and its cable",
-    ),
-    Fault(
-        DEVICE_CLOCK,
-        "device_clock",
-        "Clock of the device",
-        "the device's clock drifted, was set, or could not be told exactly enough to know when a sample was latched",
-        "",
-        THIS_TICK,
-        "read what haptic_bridge says of the clock; link_protocol.md says how exact it must be",
-    ),
+NONE = 0
+TABLE: list[Fault] = []
+
+
+def _fault(name: str, *row, **more) -> int:
+    """Code of the next row of the table. Traces have the codes: a new row is the last."""
+    TABLE.append(Fault(len(TABLE) + 1, name, *row, **more))
+    return len(TABLE)
+
+
+def _along(i, **fields):
+    return {"axis": AXES[i], "unit": UNITS[i], "force": FORCES[i], **fields}
+
+
+def _first(beyond, value, limit, **more):
+    """Fields of the first axis that is beyond its limit; None where none is."""
+    return next((_along(i, value=value[i], limit=limit[i], **more) for i in np.flatnonzero(beyond)), None)
+
+
+def _silence(ticks):
+    waited, limit = (ticks.rows["deadline"][-1] - ticks.rows["latched"][-1]) * 1e-9, ticks.settings["fault"]["silence"]
+    return {"time": max(waited, limit), "limit": limit}  # counted in ticks where the device's clock is ahead
+
+
+def _not_finite(ticks):
+    for name, what in FINITE.items():
+        for i in np.flatnonzero(~np.isfinite(ticks.of(name))):
+            return _along(i, what=what, value="not a number" if math.isnan(ticks.of(name)[i]) else "infinite")
+    return None
+
+
+def _jump(ticks):
+    rows = ticks.rows
+    if len(rows) < 2:
+        return None
+    elapsed = (rows["latched"][-1] - rows["latched"][-2] + rows["stamp_error"][-2:].sum()) * 1e-9  # as sensing has it
+    way, limit = abs(ticks.places() - ticks.places(-2)), 2.0 * ticks.device("velocity_limit") * elapsed
+    return _first(way > limit, way, limit, time=elapsed * 1e3)
+
+
+def _outside(ticks):
+    place, low, high = ticks.places(), ticks.device("position_low"), ticks.device("position_high")
+    return _first(~((low <= place) & (place <= high)), place, np.where(place < low, low, high))
+
+
+def _fast(ticks):
+    speed, limit = abs(ticks.of("velocity")) / ticks.device("scale"), ticks.device("velocity_limit")
+    return _first(speed > limit, speed, limit)
+
+
+def _saturated(ticks):
+    """Of the tick before, for in this one nothing is wanted any more."""
+    if len(ticks.rows) < 2:
+        return None
+    most, engage = ticks.settings["force"]["limit"][: int(ticks.settings["axes"])], ticks.rows["engage"][-2]
+    total = np.clip(sum(ticks.of(name, -2) for name in SUM), -most, most) * engage
+    force = abs(ticks.device("scale") * total + ticks.of("force_gravity", -2) * engage)
+    limit = ticks.device("motor_limit")
+    return _first(force > limit, force, limit, time=ticks.settings["fault"]["saturation"])
+
+
+def _unheard(ticks):
+    """Where commands were held up, and for how long: at the servo itself if it missed what tells half of the time."""
+    longest = float(np.diff(ticks.rows["deadline"]).max(initial=0.0)) * 1e-9
+    if longest > max(1.5 * ticks.settings["period"], 0.5 * ticks.watchdog):
+        return {"at": SERVO, "time": longest}
+    return {"time": ticks.watchdog} if ticks.watchdog else None
+
+
+def _warm(ticks):
+    load = np.sqrt(ticks.of("thermal_load").clip(0.0))
+    return _along(load.argmax(), value=load.max(), limit=ticks.settings["fault"]["duty"])
+
+
+def _on_switch(ticks):
+    told = zip(AXES, ticks.places(), UNITS, strict=False)
+    return {"place": ", ".join(f"{axis} = {plain(place, unit)}" for axis, place, unit in told)}
+
+
+ESTOP = _fault(
+    "estop", "Emergency stop", "a person or a program pressed stop", "", "zero in the tick that takes the command"
 )
-SIMULATED, LINE, SERVO = "simulated", "line", "servo"
-AT = {
-    (DEVICE_SILENT, SIMULATED): ("no sample of haptic_loopback for {time} s; the limit is {limit} s", BUSY),
-    (DEVICE_SILENT, LINE): (
-        "no sample came over the line from the device for {time} s; the limit is {limit} s",
-        DEVICE,
-    ),
-    (DEVICE_WATCHDOG, SERVO): ("the servo gave no command for {time} s", BUSY),
-    (DEVICE_WATCHDOG, LINE): ("no command came over the line to the device for {time} s; the servo gave it", WAY_THERE),
-}
-"""(number, first) of a fault whose place is known: the simulated device, the line or the servo."""
-NAMES = frozenset(fault.name for fault in TABLE)
+DEVICE_SILENT = _fault(
+    "device_silent",
+    "Device does not answer",
+    "the device did not answer for longer than fault.silence",
+    f"{DEVICE}; with a simulated device {BUSY}",
+    "zero in the tick that finds it; a device without writes cuts it by itself",
+    "no answer for {time} s; the limit is {limit} s",
+    _silence,
+    {
+        SIMULATED: ("no sample of haptic_loopback for {time} s; the limit is {limit} s", BUSY),
+        LINE: ("no sample came over the line from the device for {time} s; the limit is {limit} s", DEVICE),
+    },
+)
+NOT_A_NUMBER = _fault(
+    "not_a_number",
+    "Not a number",
+    "a position or a force was not finite",
+    "keep the recording and report it",
+    number="the {what} along {axis} was {value}",
+    measure=_not_finite,
+)
+ENCODER_JUMP = _fault(
+    "encoder_jump",
+    "Encoder jump",
+    "the position changed faster than twice the velocity limit",
+    "check the encoder and its cable",
+    number="{axis} moved by {value} {unit} in {time} ms; the limit is {limit} {unit}",
+    measure=_jump,
+)
+POSITION = _fault(
+    "position",
+    "Handle outside the workspace",
+    "the handle left the workspace of the device",
+    "lead the handle back into the workspace",
+    number="the handle was at {axis} = {value} {unit}; the workspace ends at {limit} {unit}",
+    measure=_outside,
+)
+VELOCITY = _fault(
+    "velocity",
+    "Handle too fast",
+    "the handle was faster than the device's velocity limit",
+    "hold the handle still",
+    number="{value} {unit}/s along {axis}; the limit is {limit} {unit}/s",
+    measure=_fast,
+)
+SATURATION = _fault(
+    "saturation",
+    "Motor at its limit for too long",
+    "more than a motor's limit was wanted for longer than fault.saturation",
+    "lead the handle out of the walls and to the tool",
+    NEXT_TICK,
+    "{value} {force} wanted along {axis} for {time} s; the limit is {limit} {force}",
+    _saturated,
+)
+DEVICE_WATCHDOG = _fault(
+    "device_watchdog",
+    "Device cut its motor",
+    "the device heard nothing from the servo for too long",
+    f"{BUSY}; {WAY_THERE}",
+    "zero: cut by the device when its watchdog was over (15 ms by default), and kept so",
+    "no command for {time} s",
+    _unheard,
+    {
+        SERVO: ("the servo gave no command for {time} s", BUSY),
+        LINE: ("no command came over the line to the device for {time} s; the servo gave it", WAY_THERE),
+    },
+)
+DUTY = _fault(
+    "duty",
+    "Motor too warm",
+    "a motor's thermal load rose above fault.duty",
+    "let the motor cool",
+    NEXT_TICK,
+    "a load of {value} of the limit of {axis}; fault.duty is {limit}",
+    _warm,
+)
+UNATTENDED = _fault(
+    "unattended",
+    "Driver stood still",
+    "the thread that serves the driver, or the one that hears its commands, stood still for fault.unattended",
+    BUSY,
+    number="the limit is {limit} s",
+    measure=lambda ticks: {"limit": ticks.settings["fault"]["unattended"]},
+)
+DEVICE_ESTOP = _fault(
+    "device_estop",
+    "Emergency-stop button of the device",
+    "the emergency-stop button of the device was pressed",
+    "release the button",
+    BY_DEVICE,
+)
+DEVICE_HOT = _fault(
+    "device_hot", "Device too hot", "the device was too hot and cut its motors", "let the device cool", BY_DEVICE
+)
+DEVICE_LIMIT = _fault(
+    "device_limit",
+    "End switch reached",
+    "an end switch of the device was reached while the display was enabled, with forces or waiting for them",
+    "lead the handle off the switch",
+    number="the handle was at {place}",
+    measure=_on_switch,
+)
+DEVICE_ENCODER = _fault(
+    "device_encoder",
+    "Encoder broken",
+    "an encoder was broken by the device's own check",
+    "check the encoder and its cable",
+    BY_DEVICE,
+)
+DEVICE_CLOCK = _fault(
+    "device_clock",
+    "Clock of the device",
+    "the device's clock drifted, was set, or could not be told exactly enough to know when a sample was latched",
+    "read what haptic_bridge says of the clock; link_protocol.md says how exact it must be",
+)
+FAULTS = {fault.name: fault for fault in TABLE}
+"""The rows by name."""
 
 
 def name_of(code):
     """Name of a fault code; "" for none."""
-    return next((fault.name for fault in TABLE if fault.code == code), "")
-
-
-@inlined
-def latch(fault, code):
-    """Latches this code if it is one and no other was first."""
-    if code != NONE and fault.code == NONE:
-        fault.code = code
-
-
-@kernel
-def watch(settings, fault, enable, motion, sensors):
-    """Latches the first fault that command, device and motors show; a new count of resets clears the last one."""
-    command, status, limits = int(sensors.command), int(sensors.device_status), settings.fault
-    resets = command // enable_state.RESET
-    # a count, not a flag: a reset that is given twice clears once each
-    if resets != fault.resets:
-        fault.resets, fault.code, fault.saturated = resets, NONE, 0.0
-    if command & enable_state.ESTOP:
-        latch(fault, ESTOP)
-    if status & BUTTON:
-        latch(fault, DEVICE_ESTOP)
-    if status & CLOCK:  # before silence, which a clock that was set makes too
-        latch(fault, DEVICE_CLOCK)
-    # by its time, or by counts that stay the same
-    if max((sensors.deadline - sensors.latched) * 1e-9, motion.stale_ticks * settings.period) > limits.silence:
-        latch(fault, DEVICE_SILENT)
-    if status & BROKEN_ENCODER:
-        latch(fault, DEVICE_ENCODER)
-    if status & HOT:
-        latch(fault, DEVICE_HOT)
-    # a handle may be led on and off its switch while nothing can push it; enabling on it is refused before any force
-    if status & END_SWITCH and command & (enable_state.ENABLE | enable_state.CLUTCH) == enable_state.ENABLE:
-        latch(fault, DEVICE_LIMIT)
-    if status & WATCHDOG and enable.ramp > 0.0:
-        latch(fault, DEVICE_WATCHDOG)
-    if fault.saturated > limits.saturation:
-        latch(fault, SATURATION)
-    if command & enable_state.UNATTENDED:
-        latch(fault, UNATTENDED)
-    if max(fault.thermal_load[0], fault.thermal_load[1], fault.thermal_load[2]) > limits.duty * limits.duty:
-        latch(fault, DUTY)
-
-
-@kernel
-def motion_fault(position, velocity, low, high, velocity_limit, displacement, elapsed):
-    """Fault code of one axis' motion, NONE if it is fine; device units, positions measured from the zero."""
-    if not (abs(position) < 1e6 and abs(velocity) < 1e9):
-        return NOT_A_NUMBER
-    # twice the limit, so that a fast hand is a VELOCITY and only a broken encoder a jump
-    if abs(displacement) > 2.0 * velocity_limit * elapsed and elapsed > 0.0:
-        return ENCODER_JUMP
-    if position < low or position > high:
-        return POSITION
-    if abs(velocity) > velocity_limit:
-        return VELOCITY
-    return NONE
+    return TABLE[int(code) - 1].name if 0 < code <= len(TABLE) else ""

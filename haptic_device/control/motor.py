@@ -3,7 +3,7 @@
 
 import math
 
-from haptic_device.control import enable_state, faults, kinematics
+from haptic_device.control import enable_state, fault_watch, faults, kinematics
 from haptic_device.jit import kernel, njit
 
 
@@ -19,7 +19,7 @@ def command(settings, enable, fault, hold, output):
         total = output.force_walls[i] + output.force_coupling[i] + output.force_cancellation[i]
         total += output.force_passivity[i]
         if not abs(total) < math.inf:  # before any limit, which would make a force of it
-            faults.latch(fault, faults.NOT_A_NUMBER)
+            fault_watch.latch(fault, faults.NOT_A_NUMBER)
     damped = _walls_damped(settings, hold)
     for i in range(output.motor.size):
         acting = _acting(settings, hold, output, i, damped)

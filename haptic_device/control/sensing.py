@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Encoder counts to the handle's position and velocity: the first stage of a tick."""
 
-from haptic_device.control import damping_compensation, enable_state, faults, kinematics, velocity_estimator
+from haptic_device.control import damping_compensation, enable_state, fault_watch, kinematics, velocity_estimator
 from haptic_device.jit import kernel, njit
 
 
@@ -25,14 +25,14 @@ def sense(settings, motion, samples, compensation, fault, sensors, output):
         position = before if motion.stale_ticks > 0.0 else seen
         motion.moved[i] = position - before
         velocity = _velocity(settings, motion, samples, i, position)
-        faults.latch(fault, _motion_fault(device, motion, i, position, velocity))
+        fault_watch.latch(fault, _motion_fault(device, motion, i, position, velocity))
         if opened:  # the handle stays where it is in the world
             world = kinematics.to_world(before, device.scale[i], motion.clutch_offset[i])
             motion.clutch_offset[i] = kinematics.clutched_offset(world, position, device.scale[i])
         output.position[i] = kinematics.to_world(position, device.scale[i], motion.clutch_offset[i])
         output.velocity[i] = 0.0 if opened else device.scale[i] * velocity
         motion.device_position[i], motion.device_velocity[i] = position, velocity
-        faults.latch(
+        fault_watch.latch(
             fault, damping_compensation.filter_drag(settings, compensation, i, sensors.drag[i], motion.elapsed)
         )
     for i in range(motion.handle.size):
@@ -80,4 +80,4 @@ def _velocity(settings, motion, samples, i, position):
 def _motion_fault(device, motion, i, position, velocity):
     low, high, limit = device.position_low[i], device.position_high[i], device.velocity_limit[i]
     longest = motion.elapsed + motion.unsure if motion.elapsed > 0.0 else 0.0
-    return faults.motion_fault(position, velocity, low, high, limit, motion.moved[i], longest)
+    return fault_watch.motion_fault(position, velocity, low, high, limit, motion.moved[i], longest)

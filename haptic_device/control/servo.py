@@ -8,7 +8,7 @@ from haptic_device.control import (
     damping_compensation,
     enable_state,
     exchange_controller,
-    faults,
+    fault_watch,
     motor,
     passivity_observer,
     sensing,
@@ -47,7 +47,7 @@ def tick(wished, state, tick):
     damping_compensation.compensate(settings, state.compensation, motion, walls, output)
     passivity_observer.inject(settings, observer, motion, walls, output)
     # whether it may be
-    faults.watch(settings, fault, enable, motion, sensors)
+    fault_watch.watch(settings, fault, enable, motion, sensors)
     near = enable.state != enable_state.WAITING or output.exchange_fade == 0.0
     near = near or exchange_controller.tool_is_near(settings, tool, output.position)
     enable_state.advance(settings, enable, fault, motion, sensors, near, output)

@@ -5,89 +5,129 @@ made from it.
 A cause counts where it lasts (haptic_device/withheld_time.py): for a moment a display that works has each of them.
 """
 
+import math
+from collections.abc import Callable
 from typing import NamedTuple
+
+import numpy as np
 
 from haptic_device.control import enable_state, exchange_controller, faults
 from haptic_device.jit import kernel, njit
 
-CLUTCH, WAITING, NO_TOOL, FAR_TOOL, OLD_TOOL, TANK, RELEASED, UNPAID, CHANGE, LIMIT = (1 << bit for bit in range(10))
 FELT = 0.05  # of engage.force and engage.torque: a coupling that is short by less is not
 RISEN = 0.999  # of a tick's rise of forces: less is one that was not paid
+LEAST_ANGLE = 1.0  # [°] below which a tool is not said to be turned
 
 
 class Withheld(NamedTuple):
-    """bit: in the column `withheld`; cause: what keeps the force back; number: how much, by the fields of
-    haptic_device/nodes/withheld_force.py; cure: what a person does."""
+    """bit: in the column `withheld`; cause: what keeps the force back; cure: what a person does; number: how much,
+    from the servo's row; holds: whether the coupling holds the tool as it is drawn; leads: whether it ends when the
+    handle comes to the tool."""
 
     bit: int
     name: str
     cause: str
-    number: str
     cure: str
+    number: Callable[[np.record], str] = lambda row: ""
+    holds: bool = True
+    leads: bool = False
 
 
-TABLE = (
-    Withheld(CLUTCH, "clutch", "the clutch is open", "", "set clutch.open to false"),
-    Withheld(
-        WAITING,
-        "waiting",
-        "forces begin only once those wanted are below engage.force and engage.torque",
-        "{force:.3g} N and {torque:.3g} N m are wanted, the tool is {apart} from the handle",
-        "lead the handle to the tool and out of the walls",
-    ),
-    Withheld(NO_TOOL, "no_tool", "no simulation: the handle is in free space", "", "start haptic_simulation"),
-    Withheld(
-        FAR_TOOL,
-        "far_tool",
-        "a tool that comes back must be near enough for a force below engage.force and engage.torque",
-        "it is {apart} from the handle",
-        "lead the handle to the tool, or call ~/disable and ~/enable",
-    ),
-    Withheld(
-        OLD_TOOL,
-        "old_tool",
-        "tool samples older than exchange.hold let the coupling go, and it returns over exchange.fade",
-        "the newest is {age:.0f} ms old, {fade:.0f} % of the coupling is there",
-        "see why the simulation answers late, or raise exchange.hold",
-    ),
-    Withheld(
-        TANK,
-        "tank",
-        "the energy tank cannot pay for the coupling, which is kept short",
-        "{tank:.3g} mJ are in it, the tool is {apart} from the handle",
-        "move the handle, which fills the tank, or lead it to the tool; a greater passivity margin fills it faster",
-    ),
-    Withheld(
-        RELEASED,
-        "released_walls",
-        "walls push less, to take back the energy that missed ticks gave",
-        "they push with {walls:.3g} N",
-        "lead the handle out of all walls: then they are whole again",
-    ),
-    Withheld(
-        UNPAID,
-        "unpaid_rise",
-        "the rise of forces after enabling waits for energy",
-        "they are at {ramp:.0f} %",
-        "lead the handle out of the walls and to the tool, or call ~/disable and ~/enable",
-    ),
-    Withheld(
-        CHANGE,
-        "change",
-        "new settings are not all in force: their rise waits until it is paid or the handle is off the walls",
-        "",
-        "lead the handle off the walls and to the tool",
-    ),
-    Withheld(
-        LIMIT,
-        "limit",
-        "more force is wanted than force.limit or the motor holds",
-        "the motor holds {motor:.3g} N and {twist:.3g} N m",
-        "push less, towards the tool and out of the walls; or raise force.limit",
-    ),
-)
+TABLE: list[Withheld] = []
 """In the order of what to say first."""
-NAMES = tuple(cause.name for cause in TABLE)
+
+
+def _cause(name: str, *row, **more) -> int:
+    """Bit of the next row of the table. Traces have the bits: a new row is the last."""
+    TABLE.append(Withheld(1 << len(TABLE), name, *row, **more))
+    return TABLE[-1].bit
+
+
+CLUTCH = _cause("clutch", "the clutch is open", "set clutch.open to false", holds=False)
+WAITING = _cause(
+    "waiting",
+    "forces begin only once those wanted are below engage.force and engage.torque",
+    "lead the handle to the tool and out of the walls",
+    lambda row: f"{_sum(row.force_walls + row.force_coupling)} are wanted, the tool is {_apart(row)} from the handle",
+    holds=False,
+    leads=True,
+)
+NO_TOOL = _cause("no_tool", "no simulation: the handle is in free space", "start haptic_simulation", holds=False)
+FAR_TOOL = _cause(
+    "far_tool",
+    "a tool that comes back must be near enough for a force below engage.force and engage.torque",
+    "lead the handle to the tool, or call ~/disable and ~/enable",
+    lambda row: f"it is {_apart(row)} from the handle",
+    holds=False,
+    leads=True,
+)
+OLD_TOOL = _cause(
+    "old_tool",
+    "tool samples older than exchange.hold let the coupling go, and it returns over exchange.fade",
+    "see why the simulation answers late, or raise exchange.hold",
+    lambda row: (
+        f"the newest is {row.tool_age * 1e3:.0f} ms old, {row.exchange_fade * 1e2:.0f} % of the coupling is there"
+    ),
+    holds=False,
+)
+TANK = _cause(
+    "tank",
+    "the energy tank cannot pay for the coupling, which is kept short",
+    "move the handle, which fills the tank, or lead it to the tool; a greater passivity margin fills it faster",
+    lambda row: f"{row.exchange_tank * 1e3:.3g} mJ are in it, the tool is {_apart(row)} from the handle",
+    holds=False,
+    leads=True,
+)
+RELEASED = _cause(
+    "released_walls",
+    "walls push less, to take back the energy that missed ticks gave",
+    "lead the handle out of all walls: then they are whole again",
+    lambda row: f"they push with {np.hypot(*row.force_walls[:2]):.3g} N",
+)
+UNPAID = _cause(
+    "unpaid_rise",
+    "the rise of forces after enabling waits for energy",
+    "lead the handle out of the walls and to the tool, or call ~/disable and ~/enable",
+    lambda row: f"they are at {row.engage * 1e2:.0f} %",
+    leads=True,
+)
+CHANGE = _cause(
+    "change",
+    "new settings are not all in force: their rise waits until it is paid or the handle is off the walls",
+    "lead the handle off the walls and to the tool",
+)
+LIMIT = _cause(
+    "limit",
+    "more force is wanted than force.limit or the motor holds",
+    "push less, towards the tool and out of the walls; or raise force.limit",
+    lambda row: f"the motor holds {_sum(row.force_on_handle)}",
+)
+
+
+def sentence(standing: dict[str, float], row) -> str:
+    """That force is withheld, and of the first cause time, number and cure; "" where none stands.
+
+    standing: {name: time [s]} in the order of the table (withheld_time); row: the newest of the servo.
+    """
+    first = next((each for each in TABLE if each.name in standing), None)
+    if first is None:
+        return ""
+    told = "; ".join(filter(None, (first.cause, first.number(row), first.cure)))
+    others = "".join(f"; also {name}" for name in standing if name != first.name)
+    return f"force withheld for {standing[first.name]:.1f} s ({first.name}): {told}{others}"
+
+
+def _sum(force):
+    """Of forces on the plane [N], and the torque [N m]."""
+    return f"{math.hypot(force[0], force[1]):.3g} N and {abs(force[2]):.3g} N m"
+
+
+def _apart(row):
+    """How far the tool is from the handle, and turned where it is."""
+    away = row.tool_position - row.position
+    told = f"{math.hypot(away[0], away[1]) * 1e3:.3g} mm"
+    angle = abs(math.degrees(away[2]))
+    return told + (f" and {angle:.3g}°" if angle > LEAST_ANGLE else "")
 
 
 @kernel

@@ -4,8 +4,8 @@
 import math
 
 from haptic_device import gain_check
-from haptic_device.control import enable_state, faults
-from haptic_device.nodes import diagnostics, withheld_force
+from haptic_device.control import enable_state, faults, withheld
+from haptic_device.nodes import diagnostics
 from haptic_device.nodes.refusals import Refusals
 from haptic_device.parameters import DRIVER_FIGURES
 from haptic_device.realtime import servo_loop
@@ -43,7 +43,7 @@ class DriverDiagnostics:
 
     def fault_detail(self, row):
         """The number of the fault at this servo row, in words; "" while it is not known, and where there is none."""
-        return self._node.telemetry.latched.sentence(int(row.fault)) if row.fault else ""
+        return self._node.telemetry.latched.sentence(int(row.fault))
 
     def _status(self, row):
         """(level, message): the fault, or the state, and behind it what a person should know."""
@@ -58,19 +58,19 @@ class DriverDiagnostics:
     def _warnings(self, row):
         """Sentences, what the hand feels first."""
         node = self._node
-        withheld = withheld_force.sentence(self._withheld(row), row)
+        short = withheld.sentence(self._withheld(row), row)
         if refused := self._refused.sentence(node.exchange.refusals()):
             yield refused
-        if withheld:
-            yield withheld
+        if short:
+            yield short
         elif row.tool_age < 0.0 and not refused:
             yield "no simulation: the handle is in free space"
         elif row.tool_age > node.values["exchange.hold"]:
             yield f"the tool sample is {row.tool_age * 1e3:.0f} ms old: the coupling fades out"
         settings = node.settings()[0]
-        short = gain_check.shortfall(settings, float(settings["passivity"]["lateness"]))  # as the servo counts with it
-        if short and node.values["passivity.policy"] != "off":
-            yield f"the passivity margin is not positive: {short}"
+        lack = gain_check.shortfall(settings, float(settings["passivity"]["lateness"]))  # as the servo counts with it
+        if lack and node.values["passivity.policy"] != "off":
+            yield f"the passivity margin is not positive: {lack}"
 
     def _withheld(self, row):
         """{cause: time [s]} of force that is withheld now; a servo that does not run, or is let go, withholds none."""
@@ -85,7 +85,7 @@ class DriverDiagnostics:
             "state": enable_state.STATES[int(row.state)],
             "fault": faults.name_of(row.fault),
             "fault_detail": self.fault_detail(row),
-            "fault_first": self._node.telemetry.latched.first(int(row.fault)) if row.fault else "",
+            "fault_first": self._node.telemetry.latched.first(int(row.fault)),
             "withheld": ", ".join(standing),
             "withheld_s": f"{max(standing.values(), default=0.0):.1f}",
             "realtime": node.servo.realtime,

@@ -83,7 +83,7 @@ def _message(said) -> str:
     """A node's own words; of a latched fault what it is, and what to do."""
     if not (name := said.values.get("fault")):
         return said.message
-    from haptic_sim.fault_sentence import FAULTS, TYPE, what_to_do  # it loads the compiler
+    from haptic_sim.fault_sentence import FAULTS, TYPE, what_to_do  # it loads numpy
 
     number, first = (said.values.get(f"fault_{entry}", "") for entry in ("detail", "first"))
     return what_to_do(name, number, TYPE, first) if name in FAULTS else said.message

@@ -12,9 +12,7 @@ from haptic_sim.scene.shapes import TOOL
 
 AXES = ("x", "y", "theta")
 HANDLE, ENERGY = "handle", "energy"  # in scene/state, beside the solids
-NOT_HELD = sum(
-    getattr(withheld, name) for name in ("CLUTCH", "WAITING", "NO_TOOL", "FAR_TOOL", "OLD_TOOL", "TANK")
-)  # causes by which the coupling does not hold the tool as it is drawn
+NOT_HELD = sum(cause.bit for cause in withheld.TABLE if not cause.holds)
 
 
 def curves_of(run: Run, clock: Clock, state: Joints | None, places: dict[str, Array]) -> dict[str, Array]:

@@ -7,10 +7,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from haptic_device.control.enable_state import STATES, WAITING
+from haptic_device.control.faults import FAULTS
 from haptic_device.digits import amount
 from haptic_device.status import number
 from haptic_sim.client import Client
-from haptic_sim.fault_sentence import FAULTS, called, what_to_do
+from haptic_sim.fault_sentence import called, what_to_do
 from haptic_sim.supervision.news import News
 
 NODES, LOOPBACK, BRIDGE = ("haptic_driver", "haptic_simulation"), "haptic_loopback", "haptic_bridge"

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from haptic_device.control.faults import NAMES
+from haptic_device.control.faults import FAULTS
 from haptic_device.control.records import TRACE_ROW
 from haptic_device.nodes.messages import TRACE
 from haptic_device.recording.layouts import CLOUD
@@ -74,7 +74,7 @@ class Tuning:
 
     def refuse_fault(self) -> None:
         """Raises FaultError if the driver is in fault."""
-        if (name := self.said("fault")) in NAMES:
+        if (name := self.said("fault")) in FAULTS:
             raise FaultError(name)
 
     def wait_engaged(self, check: Callable[[], dict[str, str]] = dict) -> None:

@@ -7,6 +7,7 @@ import math
 import time
 
 from haptic_device.description import Device, load_device
+from haptic_device.nodes.fault_answers import latched
 from haptic_device.nodes.messages import TRACE, String
 from haptic_sim.client import Client
 from haptic_sim.service_requests import change_state, get_parameters, set_parameters, state_of, trigger
@@ -113,7 +114,7 @@ class CommandHandler:
         ends = tuple((low + EDGE * (high - low), high - EDGE * (high - low)) for low, high in self.workspace)
         return Limits(ends, *speeds)
 
-    async def do(self, message: messages.Command, session) -> str:
+    async def do(self, message: messages.Message, session) -> str:
         """Does it for a page; returns the sentence that says what was done, "" if there is nothing to say."""
         self._admit(message, session)
         match message:
@@ -171,7 +172,7 @@ class CommandHandler:
     def check_wanted(self, fault: str) -> None:
         """ValueError if a page has said that the motor shall be off, or another fault than this is latched."""
         if self.fault not in ("", fault):
-            raise ValueError(f"fault {self.fault} is latched; call ~/reset first")
+            raise ValueError(latched(self.fault))
         if self.held_off:
             raise ValueError("the display has been stopped: press Engage to go on")
 

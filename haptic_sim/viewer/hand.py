@@ -4,6 +4,8 @@
 import math
 from typing import NamedTuple
 
+from haptic_device.message_fields import AXES
+
 Planar = tuple[float, float, float]
 AFTER = 0.3  # s, for which a target that has been reached is said again: a sample may be lost
 THERE = 1e-4  # [m, rad] from a place at which the hand's target is there
@@ -69,7 +71,7 @@ class Hand:
     def aim(self, place: dict[str, float], limits: Limits) -> str:
         """Sets the goal's coordinates that the place names; returns a hint where it had to be clamped, else ""."""
         goal, hints = list(self.goal), []
-        for i, axis in enumerate(("x", "y", "theta")):
+        for i, axis in enumerate(AXES):
             if axis not in place:
                 continue
             if i >= len(limits.workspace):

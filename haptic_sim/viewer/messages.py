@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a page may ask for: one JSON object a message, of one model each, judged before anything is done."""
 
+from functools import reduce
+from operator import or_
 from typing import Annotated, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
@@ -25,7 +27,7 @@ Value = Annotated[Item | list[Item], Field(description=VALUE)]
 
 
 class Message(BaseModel):
-    """A message of a page; fields that it does not know are left out."""
+    """A message of a page; fields that it does not know are left out. A subclass is what a page may ask for."""
 
     model_config = ConfigDict(frozen=True, strict=True)
     do: str
@@ -56,18 +58,6 @@ class Aim(Message):
         if not self.place:
             raise ValueError("names none of x, y, theta")
         return self
-
-
-class LetGo(Message):
-    """The hand pulls at nothing any more."""
-
-    do: Literal["let_go"] = "let_go"
-
-
-class TakeOver(Message):
-    """This page leads the hand from now on, and no other."""
-
-    do: Literal["take_over"] = "take_over"
 
 
 class Trigger(Message):
@@ -125,13 +115,6 @@ class Record(Message):
     on: Switch
 
 
-class Mend(Message):
-    """Ends the trouble that the banner of the page tells of, by its title."""
-
-    do: Literal["mend"] = "mend"
-    title: Text
-
-
 class Restart(Message):
     """Starts the nodes again with another value of what is fixed while they run."""
 
@@ -140,27 +123,30 @@ class Restart(Message):
     value: Value
 
 
-Command = (
-    Aim
-    | Trigger
-    | SetAll
-    | LoadScene
-    | ChooseMethod
-    | StartScene
-    | ShowWay
-    | Mark
-    | Record
-    | Restart
-    | LetGo
-    | TakeOver
-    | Mend
-)
-PageMessage = Seen | Command
-_MODELS = {model.model_fields["do"].default: model for model in get_args(PageMessage)}
-_ADAPTER = TypeAdapter(Annotated[PageMessage, Field(discriminator="do")])
+class LetGo(Message):
+    """The hand pulls at nothing any more."""
+
+    do: Literal["let_go"] = "let_go"
 
 
-def parse(text: str) -> PageMessage:
+class TakeOver(Message):
+    """This page leads the hand from now on, and no other."""
+
+    do: Literal["take_over"] = "take_over"
+
+
+class Mend(Message):
+    """Ends the trouble that the banner of the page tells of, by its title."""
+
+    do: Literal["mend"] = "mend"
+    title: Text
+
+
+_MODELS = {model.model_fields["do"].default: model for model in Message.__subclasses__()}
+_ADAPTER = TypeAdapter(Annotated[reduce(or_, _MODELS.values()), Field(discriminator="do")])
+
+
+def parse(text: str) -> Message:
     """The message in a text. Raises ValueError, one sentence."""
     try:
         return _ADAPTER.validate_json(text)

@@ -3,7 +3,9 @@
 
 import re
 
-from haptic_sim.fault_sentence import FAULTS, PRESS, steps
+from haptic_device.control.faults import FAULTS
+from haptic_device.nodes.fault_answers import latched, latched_again
+from haptic_sim.fault_sentence import PRESS, steps
 
 SAID = (
     (r"~/reset, then ~/enable", PRESS),
@@ -13,10 +15,7 @@ SAID = (
     (r"e-stop latched, motor zero", "stopped: the motor is off"),
     (r"set clutch\.open to false", "close the clutch: clutch.open under Expert"),
 )
-LATCHED, AGAIN = (
-    re.compile(r"fault (\w+) is latched; call ~/reset first"),
-    re.compile(r"fault (\w+) is latched again.*"),
-)
+LATCHED, AGAIN = (re.compile(answer(r"(\w+)")) for answer in (latched, latched_again))
 ABSENT = re.compile(r"haptic_(\w+) offers no ~/\w+ in .*")
 SILENT = re.compile(r"haptic_(\w+) did not answer ~/(\w+) within (.*)")
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from haptic_device.control.withheld import TABLE
 from haptic_device.message_fields import AXES, frame_id
 from haptic_device.nodes.messages import LATEST, STATE
 from haptic_device.recording.layouts import CLOUD, JOINTS, STRING, WRENCH, JointLayout
@@ -24,8 +25,7 @@ from haptic_sim.scene.shapes import TOOL
 from haptic_sim.viewer.settings import DRIVER
 
 STALE = 0.5  # s after which what was said counts no more
-NOT_HELD = frozenset(("clutch", "waiting", "no_tool", "far_tool", "old_tool", "tank"))
-"""Causes of withheld force (docs/reference/faults.md) by which the coupling does not hold the tool as it is drawn."""
+NOT_HELD = frozenset(cause.name for cause in TABLE if not cause.holds)
 SILENT = 3.0  # s after which a node that said nothing counts as gone
 _WRENCH = struct.Struct("<6d")
 
@@ -148,13 +148,9 @@ class State:
         return True
 
     def _forget(self, now):
-        heard = {name for name, at in self._heard.items() if now < at + STALE}
-        if "places" not in heard:
-            self.places = {}
-        if "contacts" not in heard:
-            self.contacts = []
-        if "wrench" not in heard:
-            self.wrench = None
+        for name, nothing in (("places", {}), ("contacts", []), ("wrench", None)):
+            if now >= self._heard.get(name, -math.inf) + STALE:
+                setattr(self, name, nothing)
 
 
 def _truth(parts):

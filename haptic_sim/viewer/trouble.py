@@ -5,8 +5,9 @@ import time
 from collections.abc import Collection
 from typing import NamedTuple
 
+from haptic_device.control.faults import FAULTS
 from haptic_sim.client import Client
-from haptic_sim.fault_sentence import FAULTS, PRESS, cause, fell, steps
+from haptic_sim.fault_sentence import BUTTON, PRESS, cause, fell, steps
 from haptic_sim.viewer.settings import DRIVER, LOOPBACK, RECORDER, SIMULATION
 from haptic_sim.viewer.state import SILENT, State
 
@@ -101,7 +102,7 @@ class TroubleFinder:
         told = f"{fell(name, number)}. {steps(name, f'{PRESS} on the page', first)}"
         why = f"{_capital(cause(name, number))}."
         first = _capital(first or FAULTS[name].first)  # what to press then is written on the button
-        return Trouble(FAULTS[name].title, why, first and f"{first}.", "Reset and engage", fault=name, told=told)
+        return Trouble(FAULTS[name].title, why, first and f"{first}.", BUTTON, fault=name, told=told)
 
 
 def named(nodes: Collection[str]) -> str:

@@ -10,7 +10,6 @@ from haptic_sim.viewer.settings import DRIVER, SIMULATION
 from haptic_sim.viewer.state import NOT_HELD, State
 
 NOT_FELT, SILENT, LESS = "tool not felt", "simulation silent", "less force"
-LEADING = ("waiting", "far_tool", "unpaid_rise", "tank")  # causes that end when the handle comes to the tool
 NEAR = 0.5e-3  # m from the tool at which a handle that still waits stands in walls
 
 
@@ -27,7 +26,7 @@ def unfelt(state: State, frame: dict, known: bool) -> dict:
         return {"words": LESS if short else "", "todo": f"{LESS.capitalize()}: {short}." if short else ""}
     first = next((cause for cause in TABLE if cause.name in causes), None)
     words = NOT_FELT if set(causes) & NOT_HELD else LESS
-    if first is None or first.name not in LEADING:
+    if first is None or not first.leads:
         said, cure = map(in_page_words, (first.cause, first.cure) if first else (causes[0], ""))
         todo = f" {cure[0].upper()}{cure[1:]}." if cure else ""
         return {"words": words, "todo": f"{words.capitalize()}: {said}.{todo}"}

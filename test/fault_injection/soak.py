@@ -9,7 +9,7 @@ from pathlib import Path
 import psutil
 
 from fault_injection.fault_injector import FREE, PRESSED, FaultInjector
-from haptic_device.control.faults import NAMES
+from haptic_device.control.faults import FAULTS
 from haptic_sim.supervision.domain import isolated_domain
 
 SETTLED = 60.0  # [s] after which memory must stay flat
@@ -45,7 +45,7 @@ def _watch(injector, seconds):
         for name, process in processes.items():
             with process.oneshot():
                 samples[name].append((age, process.memory_info().rss, process.num_threads(), process.num_fds()))
-        faults |= {injector.listener.said("haptic_driver", "fault")} & NAMES
+        faults |= {injector.listener.said("haptic_driver", "fault")} & FAULTS.keys()
         injector.listener.begin()
         if int(age) % 60 == 0:
             print(f"chaos: soak {age:.0f} s; {injector.driver_says()}", file=sys.stderr, flush=True)

@@ -41,7 +41,7 @@ def told(runner, block=3 * KEPT):
 
 @pytest.mark.parametrize("name", PROVOKED)
 def test_a_fault_latches_just_beyond_its_bound_with_the_motor_at_zero_until_a_reset_once_its_cause_is_over(name):
-    assert PROVOKED.keys() == faults.NAMES
+    assert PROVOKED.keys() == faults.FAULTS.keys()
     fault, runner = PROVOKED[name], pressing()
     row = fault.go(runner, 0.99)
     assert fault_of(row) == ("velocity" if name == "encoder_jump" else "")
@@ -115,7 +115,7 @@ def test_a_fault_of_the_line_names_the_end_that_it_came_about_at(link, fault, mi
     runner.now += round(missed * 1e9)
     PROVOKED[fault].go(runner, 1.01)
     latched.add(np.concatenate(runner.rows).ravel(), runner.settings[0])
-    code = next(each.code for each in faults.TABLE if each.name == fault)
+    code = faults.FAULTS[fault].code
     assert (latched.sentence(code), latched.first(code)) == (number, first)
     assert latched.first(faults.ESTOP) == ""
 

@@ -11,6 +11,7 @@ from lockstep_systems import wall_system
 
 from haptic_device.control import (
     exchange_samples,
+    fault_watch,
     faults,
     kinematics,
     virtual_coupling,
@@ -80,7 +81,7 @@ def test_a_tool_sample_counts_in_full_up_to_the_hold_and_not_at_all_beyond_the_f
 
 
 def motion(position=0.0, velocity=0.0, displacement=0.0, elapsed=0.001):
-    return faults.motion_fault(position, velocity, -0.1, 0.2, 3.0, displacement, elapsed)
+    return fault_watch.motion_fault(position, velocity, -0.1, 0.2, 3.0, displacement, elapsed)
 
 
 def test_workspace_velocity_and_jump_are_faults_just_outside_their_limits_and_fine_just_inside():

@@ -8,7 +8,6 @@ import math
 import re
 import types
 from socket import create_server, gethostname
-from typing import get_args
 
 import aiohttp
 import pytest
@@ -244,7 +243,7 @@ JUNK = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
     max_leaves=5,
 )
-MODELS = get_args(messages.PageMessage)
+MODELS = messages.Message.__subclasses__()
 KINDS = st.sampled_from([model.model_fields["do"].default for model in MODELS])
 FIELDS = st.dictionaries(st.sampled_from(sorted({name for model in MODELS for name in model.model_fields})), JUNK)
 

@@ -3,18 +3,18 @@
 
 import { element, put } from "./element.js";
 
+const TOLD = ["title", "cause", "first"];
+
 export class Banner {
   // press(title) is called by the button, with the title of what it shall mend.
   constructor(place, press) {
     this.place = place;
-    this.title = element("h2", { id: "fault_title" });
-    this.cause = element("p", { id: "fault_cause" });
-    this.first = element("p", { id: "fault_first" });
     this.button = element("button", { id: "fault_button", type: "button" });
-    this.elsewhere = element("p", { id: "fault_elsewhere" }); // on a page that has no button
-    this.answer = element("p", { id: "fault_answer" });
     const words = element("div", { className: "words" });
-    words.append(this.title, this.cause, this.first, this.elsewhere, this.answer);
+    for (const name of [...TOLD, "elsewhere", "answer"]) { // elsewhere: on a page that has no button
+      this[name] = element(name === "title" ? "h2" : "p", { id: `fault_${name}` });
+      words.append(this[name]);
+    }
     place.append(words, this.button);
     this.button.addEventListener("click", () => {
       this.say("Please wait: it is being done.", true);
@@ -29,11 +29,8 @@ export class Banner {
     if (trouble?.title !== this.title.textContent) this.say("", false);
     this.told = told;
     this.place.hidden = !trouble;
-    put(this.title, trouble?.title ?? "");
-    put(this.cause, trouble?.cause ?? "");
-    put(this.first, trouble?.first ?? "");
+    for (const name of [...TOLD, "button"]) put(this[name], trouble?.[name] ?? "");
     put(this.elsewhere, trouble?.button ? `Whoever leads presses "${trouble.button}" on their page.` : "");
-    put(this.button, trouble?.button ?? "");
     this.button.hidden = !trouble?.button;
   }
 
