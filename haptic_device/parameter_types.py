@@ -2,13 +2,14 @@
 """A parameter is a field of a pydantic model, declared in one line; here is what is read from it and what it allows."""
 
 import array
-import difflib
 import math
 import re
 from collections.abc import Iterable
 from typing import Any, Literal, NamedTuple, get_args, get_origin
 
 from pydantic import BaseModel, Field
+
+from haptic_device.config_files import nearest
 
 SECTION = "ros__parameters"
 ROS_OWN = re.compile(r"use_sim_time|start_type_description_service|qos_overrides\..*")
@@ -28,6 +29,7 @@ class Parameter(NamedTuple):
         high: largest value that is allowed; of each element of a list.
         live: whether it may change while the node runs; else it is fixed once the node has started.
         choices: the allowed texts, if only some texts are allowed.
+        felt: value up to which a hand tells values apart, where a slider ends; a field takes all allowed values.
 
     Examples:
         >>> from haptic_sim.node_parameters import NODES
@@ -44,6 +46,7 @@ class Parameter(NamedTuple):
     high: float = math.inf
     live: bool = False
     choices: tuple[str, ...] = ()
+    felt: float | None = None
 
 
 class Group(BaseModel, defer_build=True):
@@ -66,9 +69,10 @@ def fixed(default, unit: str, meaning: str, low=None, high=None, name: str | Non
     return Field(default, alias=name, description=meaning, ge=low, le=high, json_schema_extra=extra)
 
 
-def live(default, unit: str, meaning: str, low=None, high=None) -> Any:
-    """Field of a parameter that may change while the node runs."""
-    return Field(default, description=meaning, ge=low, le=high, json_schema_extra={"unit": unit, "live": True})
+def live(default, unit: str, meaning: str, low=None, high=None, felt=None) -> Any:
+    """Field of a parameter that may change while the node runs; felt: as in Parameter, high if it is not given."""
+    extra = {"unit": unit, "live": True, "felt": high if felt is None else felt}
+    return Field(default, description=meaning, ge=low, le=high, json_schema_extra=extra)
 
 
 def parameters_of(model: type[Group], prefix: str = "") -> tuple[Parameter, ...]:
@@ -135,8 +139,8 @@ def check_value(parameter: Parameter, value):
 
 def unknown(name: str, owner: str, known: Iterable[str]) -> str:
     """The sentence that refuses a name which is not among the known ones, with the nearest of them."""
-    near = difflib.get_close_matches(name, list(known), n=1)
-    return f"{name} is not {owner}" + (f"; did you mean {near[0]}?" if near else "")
+    near = nearest(name, known)
+    return f"{name} is not {owner}" + (f"; did you mean {near}?" if near else "")
 
 
 def shown(value) -> str:
@@ -151,7 +155,8 @@ def _read(name, field):
     limited = getattr(element, "__metadata__", (field,))[0].metadata  # of the element, if there are several
     limits = {bound: getattr(each, bound) for each in limited for bound in ("ge", "le") if hasattr(each, bound)}
     low, high = limits.get("ge", -math.inf), limits.get("le", math.inf)
-    return Parameter(name, field.default, extra["unit"], field.description, low, high, extra["live"], choices)
+    told = name, field.default, extra["unit"], field.description
+    return Parameter(*told, low, high, extra["live"], choices, extra.get("felt"))
 
 
 def _limit_meaning(each, level):

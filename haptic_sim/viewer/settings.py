@@ -16,40 +16,6 @@ NODES: dict[str, tuple[Parameter, ...]] = {
     SIMULATION: SIMULATION_PARAMETERS,
 }
 LIVE = {parameter.name: parameter for parameter in NODES[DRIVER] if parameter.live}
-FELT: dict[str, tuple[float, float]] = {
-    "force.limit": (0.0, 50.0),
-    "force.limit_rotational": (0.0, 2.0),
-    "coupling.stiffness": (0.0, 5000.0),
-    "coupling.damping": (0.0, 10.0),
-    "coupling.rotational_stiffness": (0.0, 10.0),
-    "coupling.rotational_damping": (0.0, 0.02),
-    "wall.stiffness": (0.0, 5000.0),
-    "wall.damping": (0.0, 10.0),
-    "cancellation.ratio": (0.0, 0.98),
-    "cancellation.filter": (0.0, 0.02),
-    "cancellation.band": (1e-5, 0.02),
-    "cancellation.twist": (1e-5, 0.1),
-    "cancellation.stretch": (1e-6, 0.01),
-    "velocity.lag": (0.0, 0.02),
-    "velocity.window": (1, 32),
-    "engage.time": (0.01, 3.0),
-    "engage.torque": (0.001, 0.5),
-    "engage.force": (0.01, 10.0),
-    "exchange.hold": (0.001, 0.3),
-    "exchange.horizon": (0.0, 0.2),
-    "exchange.slew": (1.0, 5000.0),
-    "exchange.agility": (0.0, 200.0),
-    "exchange.fade": (0.001, 1.0),
-    "local.compliance": (1e-10, 1e-6),
-    "local.apart": (1e-4, 0.05),
-    "local.hold": (0.001, 0.3),
-    "local.rejoin": (0.0, 0.5),
-    "passivity.budget": (0.0, 0.05),
-    "fault.saturation": (0.01, 10.0),
-    "fault.duty": (0.01, 1.0),
-    "fault.duty_time": (0.01, 120.0),
-}
-"""From where to where a slider goes: what a hand tells apart, in the unit. A field takes all legal values."""
 _OWN = ("autostart", "realtime", "realtime_priority", "publish.", "motion.")  # how a node runs, not what it displays
 
 
@@ -103,7 +69,7 @@ def _shown(parameter):
         "meaning": parameter.meaning,
         "low": _finite(parameter.low),
         "high": _finite(parameter.high),
-        "felt": FELT.get(parameter.name),
+        "felt": parameter.felt and (parameter.low, parameter.felt),
         "choices": parameter.choices,
     }
 

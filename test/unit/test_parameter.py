@@ -17,7 +17,7 @@ from haptic_device.parameter_types import Group, Parameter, check_value, fixed, 
 from haptic_sim.cli import parameters
 from haptic_sim.node_parameters import NODES as ALL_NODES
 
-STIFFNESS = Parameter("wall.stiffness", 1000.0, "N/m", "stiffness of the wall", low=0.0, high=5000.0, live=True)
+STIFFNESS = Parameter("wall.stiffness", 1000.0, "N/m", "stiffness of the wall", 0.0, 5000.0, live=True, felt=5000.0)
 RATE = Parameter("rate", 4000, "Hz", "servo rate", low=1000, high=10000)
 AUTOSTART = Parameter("autostart", True, "", "activate by itself")
 REALTIME = Parameter("realtime", "prefer", "", "scheduling", choices=("require", "prefer", "off"))
