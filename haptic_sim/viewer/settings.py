@@ -4,17 +4,12 @@
 import math
 
 from haptic_device.parameter_types import SECTION, Parameter
-from haptic_device.parameters import NODES as DEVICE_NODES
 from haptic_device.yaml_reader import dump
-from haptic_sim.node.parameters import PARAMETERS as SIMULATION_PARAMETERS
+from haptic_sim import node_parameters
 
 DRIVER, LOOPBACK, SIMULATION = "haptic_driver", "haptic_loopback", "haptic_simulation"
 RECORDER = "haptic_recorder"
-NODES: dict[str, tuple[Parameter, ...]] = {
-    DRIVER: DEVICE_NODES[DRIVER],
-    LOOPBACK: DEVICE_NODES[LOOPBACK],
-    SIMULATION: SIMULATION_PARAMETERS,
-}
+NODES: dict[str, tuple[Parameter, ...]] = {node: node_parameters.NODES[node] for node in (DRIVER, LOOPBACK, SIMULATION)}
 LIVE = {parameter.name: parameter for parameter in NODES[DRIVER] if parameter.live}
 _OWN = ("autostart", "realtime", "realtime_priority", "publish.", "motion.")  # how a node runs, not what it displays
 
