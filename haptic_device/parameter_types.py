@@ -63,25 +63,27 @@ class Watched(NamedTuple):
     error: float
 
 
-def fixed(default, unit: str, meaning: str, low=None, high=None, name: str | None = None) -> Any:
-    """Field of a parameter that is fixed once the node runs; low, high: inclusive; name: where not the field's."""
-    extra = {"unit": unit, "live": False}
-    return Field(default, alias=name, description=meaning, ge=low, le=high, json_schema_extra=extra)
+def fixed(default, unit: str, meaning: str, low=-math.inf, high=math.inf, **more) -> Any:
+    """Field of a parameter that is fixed once the node runs; the rest as in Parameter."""
+    told = {"unit": unit, "meaning": meaning, "low": low, "high": high, **more}
+    return Field(default, json_schema_extra=told)
 
 
-def live(default, unit: str, meaning: str, low=None, high=None, felt=None) -> Any:
-    """Field of a parameter that may change while the node runs; felt: as in Parameter, high if it is not given."""
-    extra = {"unit": unit, "live": True, "felt": high if felt is None else felt}
-    return Field(default, description=meaning, ge=low, le=high, json_schema_extra=extra)
+def live(default, unit: str, meaning: str, low=-math.inf, high=math.inf, felt=None) -> Any:
+    """Field of a parameter that may change while the node runs; felt is high where it is not given."""
+    return fixed(default, unit, meaning, low, high, live=True, felt=high if felt is None else felt)
 
 
 def parameters_of(model: type[Group], prefix: str = "") -> tuple[Parameter, ...]:
     """The parameters that a model declares, in its order; those of a group are called group.field."""
     found = []
     for name, field in model.model_fields.items():
-        name = prefix + (field.alias or name)
-        group = isinstance(field.annotation, type) and issubclass(field.annotation, Group)
-        found += parameters_of(field.annotation, f"{name}.") if group else [_read(name, field)]
+        kind, name = field.annotation, prefix + name
+        if isinstance(kind, type) and issubclass(kind, Group):
+            found += parameters_of(kind, f"{name}.")
+        else:
+            choices = get_args(kind) if get_origin(kind) is Literal else ()
+            found.append(Parameter(name, field.default, choices=choices, **field.json_schema_extra))
     return tuple(found)
 
 
@@ -146,17 +148,6 @@ def unknown(name: str, owner: str, known: Iterable[str]) -> str:
 def shown(value) -> str:
     """A value as a parameter file has it."""
     return {True: "true", False: "false"}[value] if isinstance(value, bool) else repr(value)
-
-
-def _read(name, field):
-    kind, extra = field.annotation, field.json_schema_extra
-    choices = get_args(kind) if get_origin(kind) is Literal else ()
-    element = get_args(kind)[0] if get_origin(kind) is tuple else kind
-    limited = getattr(element, "__metadata__", (field,))[0].metadata  # of the element, if there are several
-    limits = {bound: getattr(each, bound) for each in limited for bound in ("ge", "le") if hasattr(each, bound)}
-    low, high = limits.get("ge", -math.inf), limits.get("le", math.inf)
-    told = name, field.default, extra["unit"], field.description
-    return Parameter(*told, low, high, extra["live"], choices, extra.get("felt"))
 
 
 def _limit_meaning(each, level):

@@ -5,9 +5,7 @@ A class is a group: its name in the node's model, a dot and the name of the fiel
 coupling.stiffness. Descriptors, the check of files, the table of docs and the control record are read from these lines.
 """
 
-from typing import Annotated, Literal, get_args
-
-from pydantic import Field
+from typing import Literal, get_args
 
 from haptic_device.parameter_types import Group, Parameter, Watched, fixed, limits_of, live, parameters_of
 
@@ -15,6 +13,7 @@ MOST_WALLS = 64  # walls; settings are a record of fixed size
 MOST_WAYPOINTS = 31  # of the hand, after its start
 KEPT = 33  # samples: windows of up to 32 ticks
 
+Numbers = tuple[float, ...]
 Source = Literal["model", "measured"]
 Estimator = Literal["backward_difference", "lowpass", "adaptive_window"]
 ExchangeMethod = Literal["direct", "pspm", "local"]
@@ -56,17 +55,17 @@ class Coupling(Group):
 class Wall(Group):
     """Walls that the servo renders by itself."""
 
-    normals: tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...] = live(
-        (), "", "outward unit normals of all walls in one list: nx, ny of each wall"
+    normals: Numbers = live((), "", "outward unit normals of all walls in one list: nx, ny of each wall", -1.0, 1.0)
+    offsets: Numbers = live(
+        (),
+        "m",
+        f"position of each wall along its normal; the handle is free beyond it; at most {MOST_WALLS} walls",
+        -10.0,
+        10.0,
     )
-    offsets: tuple[Annotated[float, Field(ge=-10.0, le=10.0)], ...] = live(
-        (), "m", f"position of each wall along its normal; the handle is free beyond it; at most {MOST_WALLS} walls"
-    )
-    stiffness: tuple[Annotated[float, Field(ge=0.0, le=1e6)], ...] = live(
-        (), "N/m", "stiffness K of each wall", felt=5000.0
-    )
-    damping: tuple[Annotated[float, Field(ge=0.0, le=10000.0)], ...] = live(
-        (), "N s/m", "damping B of each wall, on the backward difference of position", felt=10.0
+    stiffness: Numbers = live((), "N/m", "stiffness K of each wall", 0.0, 1e6, 5000.0)
+    damping: Numbers = live(
+        (), "N s/m", "damping B of each wall, on the backward difference of position", 0.0, 10000.0, 10.0
     )
 
 
@@ -167,14 +166,14 @@ class Motion(Group):
     """Script of the simulated hand."""
 
     name: Script = fixed("hold", "", "script of the hand; follow: the hand follows operator/target")
-    start: tuple[Annotated[float, Field(ge=-10.0, le=10.0)], ...] = fixed(
-        (0.0, 0.0, 0.0), "m, m, rad", "position of handle and hand at the start"
-    )
-    target: tuple[Annotated[float, Field(ge=-1000.0, le=1000.0)], ...] = fixed(
-        (0.0, 0.0, 0.0), "m, m, rad", "position to which the script leads"
-    )
-    waypoints: tuple[Annotated[float, Field(ge=-1000.0, le=1000.0)], ...] = fixed(
-        (), "m, m, rad", f"points of the script waypoints in one list: x, y, theta of each; at most {MOST_WAYPOINTS}"
+    start: Numbers = fixed((0.0, 0.0, 0.0), "m, m, rad", "position of handle and hand at the start", -10.0, 10.0)
+    target: Numbers = fixed((0.0, 0.0, 0.0), "m, m, rad", "position to which the script leads", -1000.0, 1000.0)
+    waypoints: Numbers = fixed(
+        (),
+        "m, m, rad",
+        f"points of the script waypoints in one list: x, y, theta of each; at most {MOST_WAYPOINTS}",
+        -1000.0,
+        1000.0,
     )
     duration: float = fixed(4.0, "s", "duration of the whole script", 0.1, 36000.0)
     radius: float = fixed(0.03, "m", "radius of the circle; motion.start is its rightmost point", 0.0, 1.0)

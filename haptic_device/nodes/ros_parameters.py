@@ -101,12 +101,9 @@ def _answered(serve, why_not):
             return SetParameters.Response(results=[refused] * count) if each else type(response)(result=refused)
         response = serve(request, response)
         reasons = [why_not(RosParameter.from_parameter_msg(change)) for change in request.parameters]
-        answers = (
-            zip(response.results, reasons, strict=True)
-            if each
-            else [(response.result, next(filter(None, reasons), ""))]
-        )
-        for result, reason in answers:
+        if not each:
+            reasons = [next(filter(None, reasons), "")]
+        for result, reason in zip(response.results if each else [response.result], reasons, strict=True):
             result.reason = reason if reason and not result.successful else result.reason
         return response
 
