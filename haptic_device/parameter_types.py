@@ -71,7 +71,8 @@ def fixed(default, unit: str, meaning: str, low=-math.inf, high=math.inf, **more
 
 def live(default, unit: str, meaning: str, low=-math.inf, high=math.inf, felt=None) -> Any:
     """Field of a parameter that may change while the node runs; felt is high where it is not given."""
-    return fixed(default, unit, meaning, low, high, live=True, felt=high if felt is None else felt)
+    felt = high if felt is None and high < math.inf else felt
+    return fixed(default, unit, meaning, low, high, live=True, felt=felt)
 
 
 def parameters_of(model: type[Group], prefix: str = "") -> tuple[Parameter, ...]:

@@ -11,7 +11,7 @@ from haptic_device.config_files import ConfigError
 from haptic_device.description import load_device
 from haptic_device.device import loopback_config, operator_hand
 from haptic_device.link_registry import SERVED
-from haptic_device.parameter_files import file_problems, operating_point_problems, right_values
+from haptic_device.parameter_files import file_problems, operating_point_problems, outside, right_values
 from haptic_device.parameter_types import SECTION, check_value, defaults, unknown
 from haptic_device.parameters import OPERATOR
 from haptic_sim.method_registry import AUTO
@@ -240,8 +240,7 @@ def _driver(measure, device, values, wrong) -> Iterator[str]:
 
 def _bridged(device, values, wrong) -> Iterator[str]:
     """Whether the bridge of these values serves its device; its default is a device that it does not."""
-    named = next(parameter.default for parameter in NODES["haptic_bridge"] if parameter.name == "device")
-    if device.link.type in SERVED and values["device"] != named:
+    if device.link.type in SERVED and values["device"] != defaults(NODES["haptic_bridge"])["device"]:
         yield f"device {device.name} has link type {device.link.type}, which haptic_bridge does not serve"
 
 
@@ -276,4 +275,4 @@ def _motion(motion) -> list[str]:
 
 
 def _has_section(document):
-    return any(name == SECTION or isinstance(item, dict) and _has_section(item) for name, item in document.items())
+    return any(name == SECTION for _, name, _ in outside(document))

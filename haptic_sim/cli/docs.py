@@ -12,8 +12,8 @@ from haptic_device.control.withheld import TABLE as WITHHELD
 from haptic_device.os_errors import naming
 from haptic_device.parameter_types import Parameter
 from haptic_device.withheld_time import BREAK, LASTS, SHORT
-from haptic_sim.cli.parameters import text_of
 from haptic_sim.node_parameters import NODES
+from haptic_sim.supervision.processes import parameter_text
 
 HEAD = """# Parameters
 
@@ -122,7 +122,7 @@ def _section(node, parameters):
 
 def _row(parameter):
     live = "live" if parameter.live else ""
-    name, default = f"`{parameter.name}`", f"`{text_of(parameter.default)}`"
+    name, default = f"`{parameter.name}`", f"`{parameter_text(parameter.default)}`"
     cells = [name, default, parameter.unit, _allowed(parameter), live, parameter.meaning]
     return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
 

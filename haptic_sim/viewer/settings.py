@@ -28,16 +28,13 @@ def typed(name: str, value):
     """A value of the page as the driver's parameter takes it: 300 becomes 300.0. ValueError: no live parameter."""
     if name not in LIVE:
         raise ValueError(f"{name} is not a parameter of haptic_driver that may be changed while it runs")
-    default = LIVE[name].default
-    numbers = isinstance(value, int | float) and not isinstance(value, bool)
-    if isinstance(default, tuple) and isinstance(value, list):
+    kind = type(LIVE[name].default)
+    if kind is tuple and isinstance(value, list):
         return [float(item) if type(item) is int else item for item in value]
-    if isinstance(default, float) and numbers:
-        return float(value)
-    if type(default) is int and isinstance(value, float) and value.is_integer():
-        return int(value)
-    if type(value) is not type(default):
-        raise ValueError(f"{name} is {value!r}; a {type(default).__name__} is needed")
+    if (kind, type(value)) == (float, int) or kind is int and type(value) is float and value.is_integer():
+        return kind(value)
+    if type(value) is not kind:
+        raise ValueError(f"{name} is {value!r}; a {kind.__name__} is needed")
     return value
 
 

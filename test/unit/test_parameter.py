@@ -15,6 +15,7 @@ from haptic_device.parameter_files import operating_point_problems, read_operati
 from haptic_device.parameter_types import Group, Parameter, check_value, fixed, live, parameters_of
 from haptic_sim.cli import parameters
 from haptic_sim.node_parameters import NODES as ALL_NODES
+from haptic_sim.supervision.processes import parameter_text
 
 STIFFNESS = Parameter("wall.stiffness", 1000.0, "N/m", "stiffness of the wall", 0.0, 5000.0, live=True, felt=5000.0)
 RATE = Parameter("rate", 4000, "Hz", "servo rate", low=1000, high=10000)
@@ -225,5 +226,5 @@ def test_any_text_is_either_read_or_refused_in_one_line(text):
 
 def test_a_value_that_is_written_is_read_as_it_was():
     for value in (-1.5, 3, True, "off", 'two\nlines "so"', "", (0.5, 1e-9), (), ("y", "a=b"), 1e300, -0.0):
-        found = parameters.read_value(parameters.text_of(value))
+        found = parameters.read_value(parameter_text(value))
         assert (tuple(found) if isinstance(found, list) else found) == value
