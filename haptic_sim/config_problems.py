@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from haptic_device import controller_config, gain_check, yaml_reader
+from haptic_device import parameter_files as files
 from haptic_device.config_files import ConfigError
 from haptic_device.description import load_device
 from haptic_device.device import loopback_config, operator_hand
 from haptic_device.link_registry import SERVED
-from haptic_device.parameter_files import file_problems, operating_point_problems, outside, right_values
 from haptic_device.parameter_types import SECTION, check_value, defaults, unknown
 from haptic_device.parameters import OPERATOR
 from haptic_sim.method_registry import AUTO
@@ -50,7 +50,8 @@ def problems(path: Path, measure: Measure = _unknown) -> list[str]:
         document = yaml_reader.load(path)
         if _has_section(document):
             document = yaml_reader.load(path, ros=True)
-            return [*operating_point_problems(document, NODES), *dict.fromkeys(_together(document, path, measure))]
+            together = dict.fromkeys(_together(document, path, measure))
+            return [*files.operating_point_problems(document, NODES), *together]
         if "axes" in document:
             return _refused(load_device, path)
         if "bodies" in document or "tool" in document:
@@ -102,10 +103,9 @@ def remark(path: Path, measure: Measure = _unknown) -> str:
     document = yaml_reader.load(path)
     if not _has_section(document):
         return "" if "axes" in document else unkept_wish(path)
-    document = yaml_reader.load(path, ros=True)
-    given = right_values(document, NODES)[0]
+    given = files.read_operating_point(path, NODES)
     values = defaults(NODES["haptic_simulation"]) | given["haptic_simulation"]
-    said = unkept_wish(values["scene"], values["method"]), _left_out(given), _too_late(document, path, measure)
+    said = unkept_wish(values["scene"], values["method"]), _left_out(given), _too_late(given, measure)
     return "; ".join(filter(None, said))
 
 
@@ -120,10 +120,8 @@ def _left_out(given) -> str:
     )
 
 
-def _too_late(document, path, measure) -> str:
+def _too_late(given, measure) -> str:
     """Why the gains of a right operating point leave no damping over where the writes are as late as here."""
-    given = right_values(document, NODES)[0]
-    list(file_problems(given, path))
     values = defaults(NODES["haptic_driver"]) | given["haptic_driver"]
     if values["passivity.policy"] != "enforce" or (late := measure(values)) is None:
         return ""
@@ -146,8 +144,8 @@ def _refused(look, at) -> list[str]:
 
 def _together(document, path, measure) -> Iterator[str]:
     """What is wrong with values that are right one by one: names, walls that do not fit, gains beyond the device."""
-    given, wrong = right_values(document, NODES)
-    missing = list(file_problems(given, path))
+    given, wrong = files.right_values(document, NODES)
+    missing = list(files.file_problems(given, path))
     yield from missing
     values = {node: defaults(declared) | given[node] for node, declared in NODES.items()}
     yield from _two_methods(values, wrong)
@@ -275,4 +273,4 @@ def _motion(motion) -> list[str]:
 
 
 def _has_section(document):
-    return any(name == SECTION for _, name, _ in outside(document))
+    return any(name == SECTION for _, name, _ in files.outside(document))
