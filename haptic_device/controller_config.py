@@ -8,10 +8,10 @@ import numpy as np
 from haptic_device import gain_check
 from haptic_device.control import exchange_samples, records
 from haptic_device.control.exchange_samples import COUPLING_GAINS, METHODS
-from haptic_device.parameters import MOST_WALLS, OPERATING_POINT
+from haptic_device.parameters import LEAST_UNATTENDED, MOST_WALLS, OPERATING_POINT
 
 MOST_LATE = records.HELD - 4  # periods: motor values on their way are remembered, and a write may be late too
-ATTENDED_EVERY, LEAST_UNATTENDED = 0.05, 0.2  # [s] the driver says that it is there; the least to wait for it
+ATTENDED_EVERY = 0.05  # [s] the driver says that it is there
 ARM = 0.05  # [m] between grip and tip, which turns accelerations into angular ones
 SAME = {
     (group, name)

@@ -11,6 +11,7 @@ from haptic_device.parameter_types import Group, Parameter, Watched, fixed, limi
 
 MOST_WALLS = 64  # walls; settings are a record of fixed size
 MOST_WAYPOINTS = 31  # of the hand, after its start
+LEAST_UNATTENDED = 0.2  # s; the driver says each twentieth of a second that it is there
 KEPT = 33  # samples: windows of up to 32 ticks
 
 Numbers = tuple[float, ...]
@@ -147,7 +148,11 @@ class Fault(Group):
     duty: float = live(1.0, "", "share of the motor limit that may act for ever; more latches duty", 0.01, 1.0)
     duty_time: float = live(20.0, "s", "time constant of a motor's thermal load", 0.01, 3600.0, 120.0)
     unattended: float = fixed(
-        5.0, "s", "standstill of the node's thread that latches unattended: at least 0.2, or 0 for never", 0.0, 3600.0
+        5.0,
+        "s",
+        f"standstill of the node's thread that latches unattended: at least {LEAST_UNATTENDED}, or 0 for never",
+        0.0,
+        3600.0,
     )
 
 
