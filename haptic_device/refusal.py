@@ -12,7 +12,6 @@ from haptic_device.config_files import nearest
 
 Place = tuple[int | str, ...]  # as pydantic tells it
 WORDS = {
-    r"^Value error, ": "",
     r"^\w+ should": "it should",
     r"valid (tuple|frozenset)": "list",
     r"valid dictionary.*": "mapping of names to values",
@@ -106,11 +105,11 @@ def _mistyped(error: ErrorDetails, path: str, parts: list[type[Part]], unit: str
 def _sentence(error: ErrorDetails, path: str, unit: str) -> str:
     if error["type"] == "missing":
         return f"{path} is missing; add it"
-    said = error["msg"]
-    for python, plain in WORDS.items():
-        said = re.sub(python, plain, said)
-    if unit and error["type"] != "value_error":
-        said += f" {unit}" if said[-1].isdigit() else f" in {unit}"
+    said = error["msg"].removeprefix("Value error, ")
+    if error["type"] != "value_error":  # which is a sentence of ours
+        for python, plain in WORDS.items():
+            said = re.sub(python, plain, said)
+        said += "" if not unit else f" {unit}" if said[-1].isdigit() else f" in {unit}"
     return _about(_given(path, error["input"]), said)
 
 
