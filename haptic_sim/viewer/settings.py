@@ -3,7 +3,7 @@
 
 import math
 
-from haptic_device.parameter_types import SECTION, Parameter
+from haptic_device.parameter_types import SECTION, Parameter, check_value
 from haptic_device.yaml_reader import dump
 from haptic_sim import node_parameters
 
@@ -25,16 +25,15 @@ def live_of(values: dict) -> dict:
 
 
 def typed(name: str, value):
-    """A value of the page as the driver's parameter takes it: 300 becomes 300.0. ValueError: no live parameter."""
+    """A value of the page as the driver's parameter takes it: 300 becomes 300.0. ValueError: it does not take it."""
     if name not in LIVE:
         raise ValueError(f"{name} is not a parameter of haptic_driver that may be changed while it runs")
     kind = type(LIVE[name].default)
     if kind is tuple and isinstance(value, list):
-        return [float(item) if type(item) is int else item for item in value]
-    if (kind, type(value)) == (float, int) or kind is int and type(value) is float and value.is_integer():
-        return kind(value)
-    if type(value) is not kind:
-        raise ValueError(f"{name} is {value!r}; a {kind.__name__} is needed")
+        value = [float(item) if type(item) is int else item for item in value]
+    elif (kind, type(value)) == (float, int) or kind is int and type(value) is float and value.is_integer():
+        value = kind(value)
+    check_value(LIVE[name], value)
     return value
 
 
