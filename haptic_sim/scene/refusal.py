@@ -49,11 +49,13 @@ _STAND_INS: dict[str, dict[str, Any]] = {
 
 def with_stand_ins(content: dict[Any, Any], wrong: Iterable[tuple[int | str, ...]]) -> dict[Any, Any]:
     """A scene's mapping without the entries at these places, or with what fits whatever is around it in their place."""
-    rest, stood = {"name": "", **content}, set()
+    rest: dict[Any, Any] = {"name": "", **content}
+    stood: set[str] = set()
     for key, *inner in filter(None, wrong):
         entries = rest.pop(key, None)
         if key == TOOL:
-            rest[TOOL], stood = _TOOL, stood | {TOOL}
+            rest[TOOL] = _TOOL
+            stood.add(TOOL)
         elif key in _STAND_INS and inner:
             rest[key], at = entries.copy(), inner[0]
             rest[key][at] = _STAND_INS[key]
