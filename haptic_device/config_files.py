@@ -4,7 +4,7 @@
 import difflib
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 INSTALLED = Path("share/haptic_display/config")
@@ -26,7 +26,7 @@ class ConfigError(ValueError):
         ...     for sentence in error.found:
         ...         print(sentence)
         name is missing; add it
-        axes: it has 0 entries, and should have at least 1
+        axes: it should have at least 1 item and has 0
     """
 
     def __init__(self, sentence: str, found: Sequence[str] = ()):
@@ -83,6 +83,11 @@ def names(folder: str) -> list[str]:
     return sorted({path.stem for root in _roots() for path in (root / folder).glob("*.yaml")})
 
 
+def nearest(word: str, known: Iterable[str]) -> str:
+    """The known word that is likely meant; "" if there is none like it."""
+    return next(iter(difflib.get_close_matches(word, list(known), 1)), "")
+
+
 def _shipped(folder, name):
     return next((path for root in _roots() if (path := root / folder / f"{name}.yaml").is_file()), None)
 
@@ -90,10 +95,9 @@ def _shipped(folder, name):
 def _no_name(folder, name):
     """The known names, of many the nearest six; with the one that is likely meant."""
     word, known = Path(name).stem, names(folder)
-    nearest = known if len(known) <= SHOWN else difflib.get_close_matches(word, known, SHOWN, 0.0)
-    listed = ", ".join(nearest) + (f" and {len(known) - SHOWN} more" if len(known) > SHOWN else "")
-    meant = difflib.get_close_matches(word, known, 1)
-    asked = f"; did you mean {meant[0]}?" if meant else ""
+    shown = known if len(known) <= SHOWN else difflib.get_close_matches(word, known, SHOWN, 0.0)
+    listed = ", ".join(shown) + (f" and {len(known) - SHOWN} more" if len(known) > SHOWN else "")
+    asked = f"; did you mean {meant}?" if (meant := nearest(word, known)) else ""
     return f"a name in {Path('config', folder)}, which has {listed or 'no file at all'}{asked}"
 
 

@@ -8,10 +8,10 @@ import numpy as np
 from haptic_device import gain_check
 from haptic_device.control import exchange_samples, records
 from haptic_device.control.exchange_samples import COUPLING_GAINS, METHODS
-from haptic_device.parameters import MOST_WALLS, OPERATING_POINT
+from haptic_device.parameters import LEAST_UNATTENDED, MOST_WALLS, OPERATING_POINT
 
 MOST_LATE = records.HELD - 4  # periods: motor values on their way are remembered, and a write may be late too
-ATTENDED_EVERY, LEAST_UNATTENDED = 0.05, 0.2  # [s] the driver says that it is there; the least to wait for it
+ATTENDED_EVERY = 0.05  # [s] the driver says that it is there
 ARM = 0.05  # [m] between grip and tip, which turns accelerations into angular ones
 SAME = {
     (group, name)
@@ -101,17 +101,12 @@ def _set_exchange(settings, values):
 def _set_walls(settings, values):
     for sentence in wall_problems(int(settings["axes"][0]), values):
         raise ValueError(sentence)
-    offsets, normals = values["wall.offsets"], values["wall.normals"]
-    settings["wall"]["count"] = len(offsets)
-    for i in range(len(offsets)):
-        nx, ny = normals[2 * i : 2 * i + 2]
-        length = math.hypot(nx, ny)
-        settings["wall"]["x"][0, i], settings["wall"]["y"][0, i] = nx / length, ny / length
-        settings["wall"]["offset"][0, i] = offsets[i]
-        settings["wall"]["stiffness"][0, i], settings["wall"]["damping"][0, i] = (
-            values["wall.stiffness"][i],
-            values["wall.damping"][i],
-        )
+    walls, count, normals = settings["wall"][0], len(values["wall.offsets"]), values["wall.normals"]
+    lengths = [math.hypot(*normal) for normal in zip(normals[::2], normals[1::2], strict=True)]
+    walls["count"] = count
+    walls["x"][:count], walls["y"][:count] = np.divide(normals[::2], lengths), np.divide(normals[1::2], lengths)
+    for name, parameter in (("offset", "offsets"), ("stiffness", "stiffness"), ("damping", "damping")):
+        walls[name][:count] = values[f"wall.{parameter}"]
 
 
 def wall_problems(axes, values):
@@ -137,8 +132,8 @@ def gains_from(values, settings):
     """GAINS record of the coupling, as the exchange ships them; settings: from `settings_from`, for the limits."""
     gains = np.zeros(1, COUPLING_GAINS)
     names = ("stiffness", "damping", "rotational_stiffness", "rotational_damping")
-    numbers = [values[f"coupling.{name}"] for name in names]
-    for name, number in zip(names, numbers, strict=True):
-        gains[name] = number
-    gains["hash"], gains["limit"] = exchange_samples.gains_hash(*numbers), settings["coupling"]["limit"]
+    for name in names:
+        gains[name] = values[f"coupling.{name}"]
+    gains["hash"] = exchange_samples.gains_hash(*(values[f"coupling.{name}"] for name in names))
+    gains["limit"] = settings["coupling"]["limit"]
     return gains

@@ -188,7 +188,7 @@ def parse(content: Any, source: str) -> Device:
         >>> parse({"name": "rail", "axes": []}, "rail.yaml")
         Traceback (most recent call last):
             ...
-        haptic_device.config_files.ConfigError: rail.yaml: axes: it has 0 entries, and should have at least 1
+        haptic_device.config_files.ConfigError: rail.yaml: axes: it should have at least 1 item and has 0
     """
     try:
         return Device.model_validate(content)

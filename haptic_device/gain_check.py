@@ -211,28 +211,32 @@ def most_lateness(settings, beyond):
 
 def _blames(settings, lateness, other=None):
     """A sentence for each wall and each axis of the coupling that alone needs more than there is."""
-    for j in range(int(settings["wall"]["count"])):
-        normal = settings["hardware"]["scale"] * (settings["wall"]["x"][j], settings["wall"]["y"][j], 0.0)
+    late, walls, coupling, hardware = (lateness, other), settings["wall"], settings["coupling"], settings["hardware"]
+    for j in range(int(walls["count"])):
+        normal = hardware["scale"] * (walls["x"][j], walls["y"][j], 0.0)
         has = slice(int(settings["axes"]))  # a normal may lean by rounding towards an axis that is not there
-        there = 1.0 / np.sum(normal[has] ** 2 / settings["hardware"]["damping"][has])
-        gains = settings["wall"]["stiffness"][j], settings["wall"]["damping"][j]
+        there = 1.0 / np.sum(normal[has] ** 2 / hardware["damping"][has])
+        gains, which = (walls["stiffness"][j], walls["damping"][j]), f" of wall {j}" if walls["count"] > 1 else ""
+        told = f"wall.stiffness {gains[0]:.6g} N/m{which} with damping {gains[1]:.4g} N s/m"
         price = functools.partial(_switch_price, settings, normal)
-        which = f" of wall {j}" if settings["wall"]["count"] > 1 else ""
-        late = lateness, other
         coupled = functools.partial(_most_of_walls, settings, j)
-        told = {"coupled": coupled, "which": which}
-        yield _blame("wall.stiffness", passivity.least_damping, *gains, there, settings, late, price, **told)
+        yield _blame(told, "N/m", passivity.least_damping, *gains, there, settings, late, price, coupled)
     for i in range(int(settings["axes"])):
-        there = settings["hardware"]["damping"][i] / settings["hardware"]["scale"][i] ** 2
+        there = hardware["damping"][i] / hardware["scale"][i] ** 2
         yield _blame_cancellation(settings, i, lateness)
-        if settings["coupling"]["stiffness"][i] <= 0.0 and settings["coupling"]["damping"][i] <= 0.0:
+        stiffness, damping, counted = coupling["stiffness"][i], coupling["damping"][i], _coupling_damping(settings, i)
+        if stiffness <= 0.0 and damping <= 0.0:
             continue
-        name, counted = "coupling.rotational_" if i == 2 else "coupling.", _coupling_damping(settings, i)
-        told = f"{name}damping {settings['coupling']['damping'][i]:.4g} {'N m s/rad' if i == 2 else 'N s/m'}"
-        if counted > abs(settings["coupling"]["damping"][i]):
+        name, unit = ("coupling.rotational_", "N m/rad") if i == 2 else ("coupling.", "N/m")
+        told = f"{name}stiffness {stiffness:.6g} {unit} with {name}damping {damping:.4g} {_of_damping(unit)}"
+        if counted > abs(damping):
             told += f" and cancellation.ratio {settings['cancellation']['ratio']:g}"
-        need, stiffness = passivity.coupling_damping, settings["coupling"]["stiffness"][i]
-        yield _blame(f"{name}stiffness", need, stiffness, counted, there, settings, (lateness, other), told=told)
+        yield _blame(told, unit, passivity.coupling_damping, stiffness, counted, there, settings, late)
+
+
+def _of_damping(unit):
+    """Unit of a damping beside a stiffness in this unit."""
+    return unit.replace("/", " s/")
 
 
 def _most_of_walls(settings, wall, lateness):
@@ -260,29 +264,16 @@ def _cut(limit):
     return math.floor(limit) if limit >= WHOLE else math.floor(1e2 * limit) / 1e2
 
 
-def _blame(
-    name,
-    needed,
-    stiffness,
-    damping,
-    there,
-    settings,
-    late,
-    priced=lambda lateness: 1.0,
-    told="",
-    which="",
-    coupled=None,
-):
-    """needed: of a wall or a coupling; late: the lateness, and another for which it is said too what is allowed, or
-    None; told: which gains make the damping that counts, if it is not the wall's own; which: of several walls; coupled:
-    the stiffness that is allowed together with the coupling, at a lateness.
+def _blame(told, unit, needed, stiffness, damping, there, settings, late, priced=lambda lateness: 1.0, coupled=None):
+    """told: the gains, in words; unit: of the stiffness; needed: of a wall or a coupling; damping: what counts; late:
+    the lateness, and another for which it is said too what is allowed, or None; coupled: the stiffness that is allowed
+    together with the coupling, at a lateness.
     """
     (lateness, other), period, counted = late, float(settings["period"]), damping * _switched(settings)
     price = priced(lateness)
     need = price * needed(stiffness, counted, period, lateness)
     if need < there:
         return ""
-    unit, damping_unit = ("N m/rad", "N m s/rad") if "rotational" in name else ("N/m", "N s/m")
 
     def allowed(late):
         left = max(0.0, there / priced(late) - needed(0.0, counted, period, late))
@@ -296,9 +287,8 @@ def _blame(
     late = f", {lateness * 1e3:.3g} ms late" if lateness > 0.0 else ""
     late += ", cancellation.band being narrower than a tick's travel" if price > 1.0 else ""
     return (
-        f"{name} {stiffness:.6g} {unit}{which} with {told or f'damping {damping:.4g} {damping_unit}'}{twice} "
-        f"needs b > {lacking} {damping_unit} at T = {period * 1e3:.4g} ms{late}; the device has {has}: "
-        f"allowed {allowed(lateness)}{_elsewhere(lateness, other, allowed)}"
+        f"{told}{twice} needs b > {lacking} {_of_damping(unit)} at T = {period * 1e3:.4g} ms{late}; "
+        f"the device has {has}: allowed {allowed(lateness)}{_elsewhere(lateness, other, allowed)}"
     )
 
 

@@ -51,24 +51,17 @@ def reaches(key: str, name: str) -> bool:
 def right_values(document: dict, nodes: Mapping[str, tuple[Parameter, ...]], namespace: str = "/haptic"):
     """Of each node the values that are right, {node: {name: value}}, and the names of those that are not."""
     values, wrong = {node: {} for node in nodes}, {node: set() for node in nodes}
-    for key, given in _sections(document):
-        for node in nodes:
-            if not reaches(key, f"{namespace.rstrip('/')}/{node}"):
-                continue
-            for parameter in nodes[node]:
-                if parameter.name in given:
-                    _take(parameter, given[parameter.name], values[node], wrong[node])
+    sections = _sections(document)
+    for node, declared in nodes.items():
+        name = f"{namespace.rstrip('/')}/{node}"
+        given = dict(item for key, section in sections if reaches(key, name) for item in section.items())
+        for parameter in declared:
+            if parameter.name in given:
+                try:
+                    values[node][parameter.name] = check_value(parameter, given[parameter.name])
+                except ValueError:
+                    wrong[node].add(parameter.name)
     return values, wrong
-
-
-def _take(parameter, value, values, wrong):
-    name = parameter.name
-    wrong.discard(name)
-    try:
-        values[name] = check_value(parameter, value)
-    except ValueError:
-        values.pop(name, None)
-        wrong.add(name)
 
 
 def file_problems(values: dict[str, dict], path) -> Iterator[str]:
@@ -95,19 +88,23 @@ def operating_point_problems(document: dict, nodes: Mapping[str, tuple[Parameter
             yield from (f"{key}: {sentence}" for sentence in entry_problems(name, value, owners))
 
 
-def _sections(document, path=""):
+def outside(document: dict, path: str = "") -> Iterator[tuple[str, str, object]]:
+    """Keys that stand in no ros__parameters, with what they hold: (key of the node above, name, content)."""
+    for name, content in document.items():
+        yield path, name, content
+        if name != SECTION and isinstance(content, dict):
+            yield from outside(content, f"{path}/{name}" if path else name)
+
+
+def _sections(document):
     """(node key, {dotted name: value}) for each ros__parameters in the file, in the order of the file."""
-    for name, content in document.items():
-        key = f"{path}/{name}" if path else name
-        if name == SECTION and isinstance(content, dict):
-            yield path, dict(_flat(content))
-        elif isinstance(content, dict):
-            yield from _sections(content, key)
+    found = outside(document)
+    return [(path, dict(_flat(held))) for path, name, held in found if name == SECTION and isinstance(held, dict)]
 
 
-def _strays(document, path=""):
+def _strays(document):
     """Sentences for what stands outside every ros__parameters, where ROS 2 would not look or not start."""
-    for name, content in document.items():
+    for path, name, content in outside(document):
         key = f"{path}/{name}" if path else name
         if name == SECTION and not path:
             yield f"{SECTION} stands without a node name above it, such as /**/haptic_driver"
@@ -115,8 +112,6 @@ def _strays(document, path=""):
             yield f"{key} holds no parameters; indent them below it"
         elif not isinstance(content, dict):
             yield f"{key} holds {shown(content)}; a node name with {SECTION} below it belongs there"
-        elif name != SECTION:
-            yield from _strays(content, key)
 
 
 def _flat(mapping, prefix=""):

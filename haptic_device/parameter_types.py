@@ -2,13 +2,14 @@
 """A parameter is a field of a pydantic model, declared in one line; here is what is read from it and what it allows."""
 
 import array
-import difflib
 import math
 import re
 from collections.abc import Iterable
 from typing import Any, Literal, NamedTuple, get_args, get_origin
 
 from pydantic import BaseModel, Field
+
+from haptic_device.config_files import nearest
 
 SECTION = "ros__parameters"
 ROS_OWN = re.compile(r"use_sim_time|start_type_description_service|qos_overrides\..*")
@@ -28,6 +29,7 @@ class Parameter(NamedTuple):
         high: largest value that is allowed; of each element of a list.
         live: whether it may change while the node runs; else it is fixed once the node has started.
         choices: the allowed texts, if only some texts are allowed.
+        felt: value up to which a hand tells values apart, where a slider ends; a field takes all allowed values.
 
     Examples:
         >>> from haptic_sim.node_parameters import NODES
@@ -44,6 +46,7 @@ class Parameter(NamedTuple):
     high: float = math.inf
     live: bool = False
     choices: tuple[str, ...] = ()
+    felt: float | None = None
 
 
 class Group(BaseModel, defer_build=True):
@@ -60,24 +63,28 @@ class Watched(NamedTuple):
     error: float
 
 
-def fixed(default, unit: str, meaning: str, low=None, high=None, name: str | None = None) -> Any:
-    """Field of a parameter that is fixed once the node runs; low, high: inclusive; name: where not the field's."""
-    extra = {"unit": unit, "live": False}
-    return Field(default, alias=name, description=meaning, ge=low, le=high, json_schema_extra=extra)
+def fixed(default, unit: str, meaning: str, low=-math.inf, high=math.inf, **more) -> Any:
+    """Field of a parameter that is fixed once the node runs; the rest as in Parameter."""
+    told = {"unit": unit, "meaning": meaning, "low": low, "high": high, **more}
+    return Field(default, json_schema_extra=told)
 
 
-def live(default, unit: str, meaning: str, low=None, high=None) -> Any:
-    """Field of a parameter that may change while the node runs."""
-    return Field(default, description=meaning, ge=low, le=high, json_schema_extra={"unit": unit, "live": True})
+def live(default, unit: str, meaning: str, low=-math.inf, high=math.inf, felt=None) -> Any:
+    """Field of a parameter that may change while the node runs; felt is high where it is not given."""
+    felt = high if felt is None and high < math.inf else felt
+    return fixed(default, unit, meaning, low, high, live=True, felt=felt)
 
 
 def parameters_of(model: type[Group], prefix: str = "") -> tuple[Parameter, ...]:
     """The parameters that a model declares, in its order; those of a group are called group.field."""
     found = []
     for name, field in model.model_fields.items():
-        name = prefix + (field.alias or name)
-        group = isinstance(field.annotation, type) and issubclass(field.annotation, Group)
-        found += parameters_of(field.annotation, f"{name}.") if group else [_read(name, field)]
+        kind, name = field.annotation, prefix + name
+        if isinstance(kind, type) and issubclass(kind, Group):
+            found += parameters_of(kind, f"{name}.")
+        else:
+            choices = get_args(kind) if get_origin(kind) is Literal else ()
+            found.append(Parameter(name, field.default, choices=choices, **field.json_schema_extra))
     return tuple(found)
 
 
@@ -135,23 +142,13 @@ def check_value(parameter: Parameter, value):
 
 def unknown(name: str, owner: str, known: Iterable[str]) -> str:
     """The sentence that refuses a name which is not among the known ones, with the nearest of them."""
-    near = difflib.get_close_matches(name, list(known), n=1)
-    return f"{name} is not {owner}" + (f"; did you mean {near[0]}?" if near else "")
+    near = nearest(name, known)
+    return f"{name} is not {owner}" + (f"; did you mean {near}?" if near else "")
 
 
 def shown(value) -> str:
     """A value as a parameter file has it."""
     return {True: "true", False: "false"}[value] if isinstance(value, bool) else repr(value)
-
-
-def _read(name, field):
-    kind, extra = field.annotation, field.json_schema_extra
-    choices = get_args(kind) if get_origin(kind) is Literal else ()
-    element = get_args(kind)[0] if get_origin(kind) is tuple else kind
-    limited = getattr(element, "__metadata__", (field,))[0].metadata  # of the element, if there are several
-    limits = {bound: getattr(each, bound) for each in limited for bound in ("ge", "le") if hasattr(each, bound)}
-    low, high = limits.get("ge", -math.inf), limits.get("le", math.inf)
-    return Parameter(name, field.default, extra["unit"], field.description, low, high, extra["live"], choices)
 
 
 def _limit_meaning(each, level):

@@ -5,16 +5,16 @@ A class is a group: its name in the node's model, a dot and the name of the fiel
 coupling.stiffness. Descriptors, the check of files, the table of docs and the control record are read from these lines.
 """
 
-from typing import Annotated, Literal, get_args
-
-from pydantic import Field
+from typing import Literal, get_args
 
 from haptic_device.parameter_types import Group, Parameter, Watched, fixed, limits_of, live, parameters_of
 
 MOST_WALLS = 64  # walls; settings are a record of fixed size
 MOST_WAYPOINTS = 31  # of the hand, after its start
+LEAST_UNATTENDED = 0.2  # s; the driver says each twentieth of a second that it is there
 KEPT = 33  # samples: windows of up to 32 ticks
 
+Numbers = tuple[float, ...]
 Source = Literal["model", "measured"]
 Estimator = Literal["backward_difference", "lowpass", "adaptive_window"]
 ExchangeMethod = Literal["direct", "pspm", "local"]
@@ -34,8 +34,8 @@ class Servo(Group):
 class Force(Group):
     """Largest force and torque on the handle."""
 
-    limit: float = live(20.0, "N", "largest force on the handle, each of x and y", 0.0, 1000.0)
-    limit_rotational: float = live(1.0, "N m", "largest torque on the handle", 0.0, 100.0)
+    limit: float = live(20.0, "N", "largest force on the handle, each of x and y", 0.0, 1000.0, 50.0)
+    limit_rotational: float = live(1.0, "N m", "largest torque on the handle", 0.0, 100.0, 2.0)
 
 
 class Clutch(Group):
@@ -47,24 +47,26 @@ class Clutch(Group):
 class Coupling(Group):
     """Spring and damper between handle and tool."""
 
-    stiffness: float = live(1000.0, "N/m", "stiffness K between handle and tool, x and y", 0.0, 1e5)
-    damping: float = live(1.0, "N s/m", "damping B between handle and tool, x and y", 0.0, 1000.0)
-    rotational_stiffness: float = live(1.0, "N m/rad", "stiffness K about theta", 0.0, 1000.0)
-    rotational_damping: float = live(0.001, "N m s/rad", "damping B about theta", 0.0, 10.0)
+    stiffness: float = live(1000.0, "N/m", "stiffness K between handle and tool, x and y", 0.0, 1e5, 5000.0)
+    damping: float = live(1.0, "N s/m", "damping B between handle and tool, x and y", 0.0, 1000.0, 10.0)
+    rotational_stiffness: float = live(1.0, "N m/rad", "stiffness K about theta", 0.0, 1000.0, 10.0)
+    rotational_damping: float = live(0.001, "N m s/rad", "damping B about theta", 0.0, 10.0, 0.02)
 
 
 class Wall(Group):
     """Walls that the servo renders by itself."""
 
-    normals: tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...] = live(
-        (), "", "outward unit normals of all walls in one list: nx, ny of each wall"
+    normals: Numbers = live((), "", "outward unit normals of all walls in one list: nx, ny of each wall", -1.0, 1.0)
+    offsets: Numbers = live(
+        (),
+        "m",
+        f"position of each wall along its normal; the handle is free beyond it; at most {MOST_WALLS} walls",
+        -10.0,
+        10.0,
     )
-    offsets: tuple[Annotated[float, Field(ge=-10.0, le=10.0)], ...] = live(
-        (), "m", f"position of each wall along its normal; the handle is free beyond it; at most {MOST_WALLS} walls"
-    )
-    stiffness: tuple[Annotated[float, Field(ge=0.0, le=1e6)], ...] = live((), "N/m", "stiffness K of each wall")
-    damping: tuple[Annotated[float, Field(ge=0.0, le=10000.0)], ...] = live(
-        (), "N s/m", "damping B of each wall, on the backward difference of position"
+    stiffness: Numbers = live((), "N/m", "stiffness K of each wall", 0.0, 1e6, 5000.0)
+    damping: Numbers = live(
+        (), "N s/m", "damping B of each wall, on the backward difference of position", 0.0, 10000.0, 10.0
     )
 
 
@@ -73,26 +75,26 @@ class Cancellation(Group):
 
     ratio: float = live(0.0, "", "share of the physical damping that the motors cancel in free space", 0.0, 0.98)
     source: Source = live("model", "", "drag to cancel: of the device description (model), or of the drag sensor")
-    filter: float = live(0.002, "s", "time constant of the filter of the measured drag", 0.0, 0.1)
-    band: float = live(0.005, "m", "distance to a wall below which cancellation fades out", 1e-5, 1.0)
-    twist: float = live(0.01, "rad", "twist of the coupling at which cancellation is zero", 1e-5, 1.0)
-    stretch: float = live(0.001, "m", "stretch of the coupling at which cancellation is zero", 1e-6, 1.0)
+    filter: float = live(0.002, "s", "time constant of the filter of the measured drag", 0.0, 0.1, 0.02)
+    band: float = live(0.005, "m", "distance to a wall below which cancellation fades out", 1e-5, 1.0, 0.02)
+    twist: float = live(0.01, "rad", "twist of the coupling at which cancellation is zero", 1e-5, 1.0, 0.1)
+    stretch: float = live(0.001, "m", "stretch of the coupling at which cancellation is zero", 1e-6, 1.0, 0.01)
 
 
 class Velocity(Group):
     """Estimate of the velocity."""
 
     estimator: Estimator = live("backward_difference", "", "method that estimates the velocity")
-    lag: float = live(0.001, "s", "time constant of the estimator lowpass", 0.0, 0.1)
+    lag: float = live(0.001, "s", "time constant of the estimator lowpass", 0.0, 0.1, 0.02)
     window: int = live(16, "ticks", "longest window of the estimator adaptive_window", 1, KEPT - 1)
 
 
 class Engage(Group):
     """How forces begin after enabling."""
 
-    time: float = live(0.5, "s", "time over which forces rise after enabling", 0.01, 10.0)
-    torque: float = live(0.1, "N m", "forces begin to rise only when the wanted torque is below this", 0.001, 10.0)
-    force: float = live(1.0, "N", "forces begin to rise only when the wanted force is below this", 0.01, 100.0)
+    time: float = live(0.5, "s", "time over which forces rise after enabling", 0.01, 10.0, 3.0)
+    torque: float = live(0.1, "N m", "forces begin to rise only when the wanted torque is below this", 0.001, 10.0, 0.5)
+    force: float = live(1.0, "N", "forces begin to rise only when the wanted force is below this", 0.01, 100.0, 10.0)
 
 
 class Exchange(Group):
@@ -102,24 +104,30 @@ class Exchange(Group):
         1000.0, "Hz", "handle samples sent to the simulation per second, at most one in each tick", 100.0, 2000.0
     )
     method: ExchangeMethod = fixed("pspm", "", "method of the exchange between driver and simulation")
-    hold: float = live(0.06, "s", "age of the tool sample up to which the coupling keeps its full force", 0.001, 2.0)
+    hold: float = live(
+        0.06, "s", "age of the tool sample up to which the coupling keeps its full force", 0.001, 2.0, 0.3
+    )
     budget: float = fixed(0.005, "J", "energy that the coupling may give before the hand has put in any", 0.0, 1.0)
     tank: float = fixed(0.05, "J", "most energy that the tank keeps for set positions; the rest is sent", 0.0, 10.0)
-    horizon: float = live(0.06, "s", "longest time over which the tool's motion is predicted", 0.0, 0.5)
-    slew: float = live(400.0, "N/s", "fastest change of the force by tool samples alone", 1.0, 1e6)
-    agility: float = live(20.0, "m/s^2", "acceleration that the prediction assumes for a free tool", 0.0, 10000.0)
-    fade: float = live(0.14, "s", "time in which the coupling fades out after exchange.hold, and back in", 0.001, 5.0)
+    horizon: float = live(0.06, "s", "longest time over which the tool's motion is predicted", 0.0, 0.5, 0.2)
+    slew: float = live(400.0, "N/s", "fastest change of the force by tool samples alone", 1.0, 1e6, 5000.0)
+    agility: float = live(
+        20.0, "m/s^2", "acceleration that the prediction assumes for a free tool", 0.0, 10000.0, 200.0
+    )
+    fade: float = live(
+        0.14, "s", "time in which the coupling fades out after exchange.hold, and back in", 0.001, 5.0, 1.0
+    )
 
 
 class Local(Group):
     """Contacts of the servo's own virtual tool."""
 
-    compliance: float = live(1e-9, "m/N", "compliance of a contact of the servo's copy of the tool", 1e-10, 1e-5)
+    compliance: float = live(1e-9, "m/N", "compliance of a contact of the servo's copy of the tool", 1e-10, 1e-5, 1e-6)
     apart: float = live(
-        0.005, "m", "distance between the copy and the simulation's tool above which pspm takes over", 1e-4, 1.0
+        0.005, "m", "distance between the copy and the simulation's tool above which pspm takes over", 1e-4, 1.0, 0.05
     )
-    hold: float = live(0.06, "s", "age up to which local contacts are used", 0.001, 2.0)
-    rejoin: float = live(0.02, "s", "time without a problem after which local contacts are used again", 0.0, 1.0)
+    hold: float = live(0.06, "s", "age up to which local contacts are used", 0.001, 2.0, 0.3)
+    rejoin: float = live(0.02, "s", "time without a problem after which local contacts are used again", 0.0, 1.0, 0.5)
 
 
 class Passivity(Group):
@@ -129,18 +137,22 @@ class Passivity(Group):
         "enforce", "", "gains too high for the device's damping: refuse (enforce), warn, or take at once (off)"
     )
     control: bool = live(True, "", "true: add damping when the observer finds generated energy")
-    budget: float = live(0.001, "J", "energy that each axis may generate before damping is added", 0.0, 10.0)
+    budget: float = live(0.001, "J", "energy that each axis may generate before damping is added", 0.0, 10.0, 0.05)
 
 
 class Fault(Group):
     """Limits beyond which a fault is latched."""
 
     silence: float = fixed(0.02, "s", "time without an answer of the device that latches device_silent", 0.001, 1.0)
-    saturation: float = live(1.0, "s", "time above the motor limit that latches saturation", 0.01, 60.0)
+    saturation: float = live(1.0, "s", "time above the motor limit that latches saturation", 0.01, 60.0, 10.0)
     duty: float = live(1.0, "", "share of the motor limit that may act for ever; more latches duty", 0.01, 1.0)
-    duty_time: float = live(20.0, "s", "time constant of a motor's thermal load", 0.01, 3600.0)
+    duty_time: float = live(20.0, "s", "time constant of a motor's thermal load", 0.01, 3600.0, 120.0)
     unattended: float = fixed(
-        5.0, "s", "standstill of the node's thread that latches unattended: at least 0.2, or 0 for never", 0.0, 3600.0
+        5.0,
+        "s",
+        f"standstill of the node's thread that latches unattended: at least {LEAST_UNATTENDED}, or 0 for never",
+        0.0,
+        3600.0,
     )
 
 
@@ -159,14 +171,14 @@ class Motion(Group):
     """Script of the simulated hand."""
 
     name: Script = fixed("hold", "", "script of the hand; follow: the hand follows operator/target")
-    start: tuple[Annotated[float, Field(ge=-10.0, le=10.0)], ...] = fixed(
-        (0.0, 0.0, 0.0), "m, m, rad", "position of handle and hand at the start"
-    )
-    target: tuple[Annotated[float, Field(ge=-1000.0, le=1000.0)], ...] = fixed(
-        (0.0, 0.0, 0.0), "m, m, rad", "position to which the script leads"
-    )
-    waypoints: tuple[Annotated[float, Field(ge=-1000.0, le=1000.0)], ...] = fixed(
-        (), "m, m, rad", f"points of the script waypoints in one list: x, y, theta of each; at most {MOST_WAYPOINTS}"
+    start: Numbers = fixed((0.0, 0.0, 0.0), "m, m, rad", "position of handle and hand at the start", -10.0, 10.0)
+    target: Numbers = fixed((0.0, 0.0, 0.0), "m, m, rad", "position to which the script leads", -1000.0, 1000.0)
+    waypoints: Numbers = fixed(
+        (),
+        "m, m, rad",
+        f"points of the script waypoints in one list: x, y, theta of each; at most {MOST_WAYPOINTS}",
+        -1000.0,
+        1000.0,
     )
     duration: float = fixed(4.0, "s", "duration of the whole script", 0.1, 36000.0)
     radius: float = fixed(0.03, "m", "radius of the circle; motion.start is its rightmost point", 0.0, 1.0)

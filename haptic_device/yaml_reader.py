@@ -17,13 +17,16 @@ from haptic_device.config_files import ConfigError
 from haptic_device.os_errors import in_words
 
 PARSER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times as fast, where PyYAML has libyaml
-PLAIN = "plain"
-TRUE = ("yes", "Yes", "YES", "true", "True", "TRUE", "on", "On", "ON")
-FALSE = ("no", "No", "NO", "false", "False", "FALSE", "off", "Off", "OFF")
-ROS_TRUE, ROS_FALSE = ("Y", "y"), ("N", "n")
+PLAIN, MERGE_TAG, MERGE = "plain", "tag:yaml.org,2002:merge", "<<"
+BOOLEANS = {
+    spelt: value
+    for word, value in (("yes", True), ("true", True), ("on", True), ("no", False), ("false", False), ("off", False))
+    for spelt in (word, word.capitalize(), word.upper())
+}
+ROS_BOOLEANS = BOOLEANS | {"Y": True, "y": True, "N": False, "n": False}
 NULL = ("", "~", "null", "Null", "NULL")
-MERGE = "<<"
 INTEGER = re.compile(r"[+-]?(0[xX][0-9a-fA-F]+|0[0-7]*|[1-9][0-9]*)")
+OCTAL = re.compile("(?<![^+-])0(?=[0-7])")
 DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(\.?(nan|inf)|infinity)", re.IGNORECASE)
 INT64 = range(-(2**63), 2**63)
 MOST = 200_000  # values; a few lines of aliases within aliases would make any number of them
@@ -50,10 +53,10 @@ def loads(text: str | bytes, ros: bool = False) -> dict:
     try:
         text = text.decode("utf-8") if isinstance(text, bytes) else text
         _look_through(text, ros)
-        root = yaml.compose(text, Loader=_Loader)
-        if not isinstance(root, yaml.MappingNode):
+        found = _Loader(text, ros).get_single_data()
+        if not isinstance(found, dict):
             raise ValueError("the file holds no mapping of names to values")
-        return _Values(ros).of(root)
+        return found
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         if "\t" in _indentation(text, line):
@@ -61,8 +64,6 @@ def loads(text: str | bytes, ros: bool = False) -> dict:
         raise ValueError(f"line {line} is not YAML: {error.problem}") from None
     except (yaml.YAMLError, UnicodeError) as error:
         raise ValueError(f"this is not a YAML text: {' '.join(str(error).split())}") from None
-    except RecursionError:
-        raise ValueError("an alias stands within what it names") from None
 
 
 def dump(content, flow: bool = False) -> str:
@@ -88,12 +89,40 @@ class _Dumper(yaml.SafeDumper):
 
 
 class _Loader(PARSER):
-    """Composes nodes and marks untagged plain scalars."""
+    """PyYAML's, but for plain values, which are ROS 2's, and names, which are texts; tags are not followed."""
+
+    def __init__(self, text, ros):
+        super().__init__(text)
+        self._ros, self._made, self._looked_at = ros, 0, set()
 
     def resolve(self, kind, value, implicit):
-        if kind is yaml.ScalarNode and implicit[0]:
-            return PLAIN
-        return super().resolve(kind, value, implicit)
+        if kind is not yaml.ScalarNode or not implicit[0]:
+            return super().resolve(kind, value, implicit)
+        return MERGE_TAG if value == MERGE and not self._ros else PLAIN
+
+    def construct_object(self, node, deep=False):
+        self._made += 1
+        if self._made > MOST:
+            raise ValueError(f"the file holds more than {MOST} values, its aliases followed")
+        if isinstance(node, yaml.MappingNode):
+            self.flatten_mapping(node)
+            return {key.value: self.construct_object(content) for key, content in node.value}
+        if isinstance(node, yaml.SequenceNode):
+            return [self.construct_object(item) for item in node.value]
+        return _scalar(node.value, self._ros) if node.tag == PLAIN else node.value
+
+    def flatten_mapping(self, node):
+        """Refuses a name that stands twice, and then brings in what merge keys name; once, however often it is used."""
+        names = set()
+        for key, _ in node.value if node not in self._looked_at else ():
+            line = key.start_mark.line + 1
+            if not isinstance(key, yaml.ScalarNode) or not key.value.isprintable():
+                raise ValueError(f"line {line} has no plain name where one belongs")
+            if key.value in names:
+                raise ValueError(f"{key.value} is written twice, the second time in line {line}")
+            names.add(key.value)
+        self._looked_at.add(node)
+        super().flatten_mapping(node)
 
 
 def _indentation(text, line):
@@ -104,76 +133,30 @@ def _indentation(text, line):
 
 def _look_through(text, ros):
     """Refuses what must not come before a composer: it composes nests by recursion, in C, and follows aliases."""
-    depth = 0
+    opened = []
     for event in yaml.parse(text, Loader=PARSER):
+        line = event.start_mark.line + 1
         if isinstance(event, yaml.CollectionStartEvent):
-            depth += 1
+            opened.append(event.anchor)
         elif isinstance(event, yaml.CollectionEndEvent):
-            depth -= 1
-        elif ros and isinstance(event, yaml.AliasEvent):
-            raise ValueError(f"line {event.start_mark.line + 1} is not YAML: {NO_ALIAS}")
-        if depth > DEEPEST:
-            raise ValueError(f"line {event.start_mark.line + 1} is nested {depth} deep; the limit is {DEEPEST}")
-
-
-class _Values:
-    """Makes values of composed nodes, at most MOST of them."""
-
-    def __init__(self, ros):
-        self._ros, self._made = ros, 0
-
-    def of(self, node):
-        self._made += 1
-        if self._made > MOST:
-            raise ValueError(f"the file holds more than {MOST} values, its aliases followed")
-        if isinstance(node, yaml.MappingNode):
-            return self._mapping(node)
-        if isinstance(node, yaml.SequenceNode):
-            return [self.of(item) for item in node.value]
-        return _scalar(node.value, self._ros) if node.tag == PLAIN else node.value
-
-    def _mapping(self, node):
-        merged, own = {}, {}
-        for key, content in node.value:
-            name, line = key.value, key.start_mark.line + 1
-            if not isinstance(key, yaml.ScalarNode) or not name.isprintable():
-                raise ValueError(f"line {line} has no plain name where one belongs")
-            if name in own or (name == MERGE and merged):
-                raise ValueError(f"{name} is written twice, the second time in line {line}")
-            if name == MERGE and key.tag == PLAIN and not self._ros:
-                merged = self._merged(content, line)
-            else:
-                own[name] = self.of(content)
-        return merged | own
-
-    def _merged(self, node, line):
-        """What `<<` brings in: of several mappings the first that has a key counts."""
-        found = self.of(node)
-        merged = {}
-        for mapping in reversed(found if isinstance(found, list) else [found]):
-            if not isinstance(mapping, dict):
-                raise ValueError(f"line {line}: {MERGE} needs a mapping or a list of mappings")
-            merged |= mapping
-        return merged
+            opened.pop()
+        elif isinstance(event, yaml.AliasEvent) and ros:
+            raise ValueError(f"line {line} is not YAML: {NO_ALIAS}")
+        elif isinstance(event, yaml.AliasEvent) and event.anchor in opened:
+            raise ValueError(f"line {line}: an alias stands within what it names")
+        if len(opened) > DEEPEST:
+            raise ValueError(f"line {line} is nested {len(opened)} deep; the limit is {DEEPEST}")
 
 
 def _scalar(text, ros):
-    if text in TRUE or (ros and text in ROS_TRUE):
-        return True
-    if text in FALSE or (ros and text in ROS_FALSE):
-        return False
+    booleans = ROS_BOOLEANS if ros else BOOLEANS
+    if text in booleans:
+        return booleans[text]
     if text in NULL and not ros:
         return None
-    if INTEGER.fullmatch(text) and (number := _integer(text)) in INT64:
+    if INTEGER.fullmatch(text) and (number := int(OCTAL.sub("0o", text), 0)) in INT64:
         return number
     return _decimal(text) if DECIMAL.fullmatch(text) else text
-
-
-def _integer(text):
-    """C's strtol with base 0: a leading 0 means octal."""
-    digits = text.lstrip("+-")
-    number = int(digits, 8 if re.fullmatch("0[0-7]+", digits) else 0)
-    return -number if text[0] == "-" else number
 
 
 def _decimal(text):

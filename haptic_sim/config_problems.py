@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from haptic_device import controller_config, gain_check, yaml_reader
+from haptic_device import parameter_files as files
 from haptic_device.config_files import ConfigError
 from haptic_device.description import load_device
 from haptic_device.device import loopback_config, operator_hand
 from haptic_device.link_registry import SERVED
-from haptic_device.parameter_files import entry_problems, file_problems, operating_point_problems, right_values
 from haptic_device.parameter_types import SECTION, defaults
 from haptic_device.parameters import OPERATOR
 from haptic_sim.method_registry import AUTO
@@ -50,7 +50,8 @@ def problems(path: Path, measure: Measure = _unknown) -> list[str]:
         document = yaml_reader.load(path)
         if _has_section(document):
             document = yaml_reader.load(path, ros=True)
-            return [*operating_point_problems(document, NODES), *dict.fromkeys(_together(document, path, measure))]
+            together = dict.fromkeys(_together(document, path, measure))
+            return [*files.operating_point_problems(document, NODES), *together]
         if "axes" in document:
             return _refused(load_device, path)
         if "bodies" in document or "tool" in document:
@@ -102,10 +103,9 @@ def remark(path: Path, measure: Measure = _unknown) -> str:
     document = yaml_reader.load(path)
     if not _has_section(document):
         return "" if "axes" in document else unkept_wish(path)
-    document = yaml_reader.load(path, ros=True)
-    given = right_values(document, NODES)[0]
+    given = files.read_operating_point(path, NODES)
     values = defaults(NODES["haptic_simulation"]) | given["haptic_simulation"]
-    said = unkept_wish(values["scene"], values["method"]), _left_out(given), _too_late(document, path, measure)
+    said = unkept_wish(values["scene"], values["method"]), _left_out(given), _too_late(given, measure)
     return "; ".join(filter(None, said))
 
 
@@ -120,10 +120,8 @@ def _left_out(given) -> str:
     )
 
 
-def _too_late(document, path, measure) -> str:
+def _too_late(given, measure) -> str:
     """Why the gains of a right operating point leave no damping over where the writes are as late as here."""
-    given = right_values(document, NODES)[0]
-    list(file_problems(given, path))
     values = defaults(NODES["haptic_driver"]) | given["haptic_driver"]
     if values["passivity.policy"] != "enforce" or (late := measure(values)) is None:
         return ""
@@ -146,8 +144,8 @@ def _refused(look, at) -> list[str]:
 
 def _together(document, path, measure) -> Iterator[str]:
     """What is wrong with values that are right one by one: names, walls that do not fit, gains beyond the device."""
-    given, wrong = right_values(document, NODES)
-    missing = list(file_problems(given, path))
+    given, wrong = files.right_values(document, NODES)
+    missing = list(files.file_problems(given, path))
     yield from missing
     values = {node: defaults(declared) | given[node] for node, declared in NODES.items()}
     yield from _two_methods(values, wrong)
@@ -240,8 +238,7 @@ def _driver(measure, device, values, wrong) -> Iterator[str]:
 
 def _bridged(device, values, wrong) -> Iterator[str]:
     """Whether the bridge of these values serves its device; its default is a device that it does not."""
-    named = next(parameter.default for parameter in NODES["haptic_bridge"] if parameter.name == "device")
-    if device.link.type in SERVED and values["device"] != named:
+    if device.link.type in SERVED and values["device"] != defaults(NODES["haptic_bridge"])["device"]:
         yield f"device {device.name} has link type {device.link.type}, which haptic_bridge does not serve"
 
 
@@ -269,9 +266,9 @@ def _motion(motion) -> list[str]:
         motion = {**motion, "waypoints": [0.0, 0.0, 0.0]}
     motion = {f"motion.{key}": value for key, value in flat_motion(motion).items()}
     known = {"haptic_loopback": [parameter for parameter in OPERATOR if parameter.name.startswith("motion.")]}
-    wrong = [sentence for item in motion.items() for sentence in entry_problems(*item, known)]
+    wrong = [sentence for item in motion.items() for sentence in files.entry_problems(*item, known)]
     return wrong or _refused(operator_hand.script, defaults(OPERATOR) | motion)
 
 
 def _has_section(document):
-    return any(name == SECTION or isinstance(item, dict) and _has_section(item) for name, item in document.items())
+    return any(name == SECTION for _, name, _ in files.outside(document))

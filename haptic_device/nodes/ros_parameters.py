@@ -55,15 +55,13 @@ def on_change(
 
     def decide(changes):
         wished = {change.name: change.value for change in changes if change.name in declared}
+        sentence = next(filter(None, map(why_not, changes)), "")
         try:
-            for change in changes:
-                if change.name not in declared and (sentence := why_not(change)):  # rclpy lets the empty name pass
-                    raise ValueError(sentence)
-            if wished:
+            if wished and not sentence:
                 check(_merged(node, declared, wished))
         except ValueError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
+            sentence = str(error)
+        return SetParametersResult(successful=not sentence, reason=sentence)
 
     def take(changes):
         if any(change.name in declared for change in changes):
@@ -77,7 +75,7 @@ def on_change(
     node.add_post_set_parameters_callback(take)
     for service in node.services:
         if service.srv_type in (SetParameters, SetParametersAtomically):
-            service.callback = _explained(_bounded(service.callback), lambda change: why_not(*typed([change])))
+            service.callback = _answered(service.callback, lambda change: why_not(*typed([change])))
 
 
 def _typed(change, parameter):
@@ -92,34 +90,21 @@ def _typed(change, parameter):
     return change
 
 
-def _explained(serve, why_not):
-    """Refusals of rclpy's own in the sentences of why_not(change)."""
+def _answered(serve, why_not):
+    """As serve does, but for requests that are too long, and with the sentences of why_not(change) for its own."""
 
     def decide(request, response):
+        count, each = len(request.parameters), isinstance(response, SetParameters.Response)
+        if count > MOST_AT_ONCE:
+            reason = f"{count} parameters in one request; at most {MOST_AT_ONCE} are taken"
+            refused = SetParametersResult(successful=False, reason=reason)
+            return SetParameters.Response(results=[refused] * count) if each else type(response)(result=refused)
         response = serve(request, response)
-        reasons = [why_not(RosParameter.from_parameter_msg(each)) for each in request.parameters]
-        if isinstance(response, SetParameters.Response):
-            answers = zip(response.results, reasons, strict=True)
-        else:
-            answers = [(response.result, next(filter(None, reasons), ""))]
-        for result, reason in answers:
+        reasons = [why_not(RosParameter.from_parameter_msg(change)) for change in request.parameters]
+        if not each:
+            reasons = [next(filter(None, reasons), "")]
+        for result, reason in zip(response.results if each else [response.result], reasons, strict=True):
             result.reason = reason if reason and not result.successful else result.reason
-        return response
-
-    return decide
-
-
-def _bounded(serve):
-    def decide(request, response):
-        count = len(request.parameters)
-        if count <= MOST_AT_ONCE:
-            return serve(request, response)
-        reason = f"{count} parameters in one request; at most {MOST_AT_ONCE} are taken"
-        refused = SetParametersResult(successful=False, reason=reason)
-        if isinstance(response, SetParameters.Response):
-            response.results = [refused] * count
-        else:
-            response.result = refused
         return response
 
     return decide

@@ -21,12 +21,11 @@ from haptic_sim.cli.keys import ESTOP, keys, stop_key
 from haptic_sim.cli.numbers import number, whole
 from haptic_sim.cli.progress import INTERRUPTED, status_line
 from haptic_sim.cli.words import next_step, shown_path
-from haptic_sim.node_parameters import NODES
+from haptic_sim.node_parameters import HOME_PORT, NODES
 from haptic_sim.supervision.domain import isolated_domain
 from haptic_sim.supervision.prepare import prepare, promise, value_of
 from haptic_sim.supervision.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible, undisturbed
 from haptic_sim.supervision.system import Order, Relay, is_served_by_others, led_by_hand, programs_of
-from haptic_sim.viewer.parameters import HOME_PORT
 
 _EXCHANGE = "Exchange method between driver and simulation."
 _PARAMS = "Operating point: a name in config or a YAML file."

@@ -13,6 +13,7 @@ from haptic_device.os_errors import naming
 from haptic_device.parameter_types import Parameter
 from haptic_device.withheld_time import BREAK, LASTS, SHORT
 from haptic_sim.node_parameters import NODES
+from haptic_sim.supervision.processes import parameter_text
 
 HEAD = """# Parameters
 
@@ -121,17 +122,9 @@ def _section(node, parameters):
 
 def _row(parameter):
     live = "live" if parameter.live else ""
-    name, default = f"`{parameter.name}`", f"`{_text(parameter.default)}`"
+    name, default = f"`{parameter.name}`", f"`{parameter_text(parameter.default)}`"
     cells = [name, default, parameter.unit, _allowed(parameter), live, parameter.meaning]
     return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
-
-
-def _text(value):
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, tuple):
-        return f"[{', '.join(_text(item) for item in value)}]"
-    return f'"{value}"' if isinstance(value, str) else repr(value)
 
 
 def _allowed(parameter):

@@ -2,7 +2,6 @@
 """`haptic get`, `haptic set`, `haptic save`: parameters of running nodes, live, and as a file to start from again."""
 
 import contextlib
-import json
 import os
 import tempfile
 import time
@@ -42,7 +41,7 @@ def set_value(
         from haptic_sim.service_requests import get_parameters, set_parameters
 
         _asked(client, set_parameters(node, {name: wanted}))
-        print(text_of(_asked(client, get_parameters(node, [name]))[name]))
+        print(parameter_text(_asked(client, get_parameters(node, [name]))[name]))
 
 
 def get(
@@ -61,7 +60,7 @@ def get(
     elif name not in values:
         raise ValueError(unknown(name, f"a parameter of {node}", values))
     else:
-        print(text_of(values[name]))
+        print(parameter_text(values[name]))
 
 
 def save(
@@ -153,13 +152,4 @@ def _write(file: Path, text: str) -> None:
 
 
 def _lines(values: dict[str, Any], indent: str = "") -> str:
-    return "".join(f"{indent}{name}: {text_of(value)}\n" for name, value in values.items())
-
-
-def text_of(value) -> str:
-    """A value as a parameter file has it, texts in quotes that hold any character."""
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, tuple) and any(isinstance(item, str) for item in value):
-        return f"[{', '.join(map(text_of, value))}]"
-    return parameter_text(value)
+    return "".join(f"{indent}{name}: {parameter_text(value)}\n" for name, value in values.items())

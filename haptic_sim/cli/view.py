@@ -7,9 +7,9 @@ import typer
 
 from haptic_sim.cli.keys import stop_key
 from haptic_sim.cli.numbers import whole
+from haptic_sim.node_parameters import HOME_PORT
 from haptic_sim.supervision.processes import NAMESPACE, ros_arguments
 from haptic_sim.viewer.kept_tokens import forget
-from haptic_sim.viewer.parameters import HOME_PORT
 
 
 def view(

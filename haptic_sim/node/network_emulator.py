@@ -22,7 +22,7 @@ from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.messages import LATEST, STREAM, JointState, PointCloud2
 from haptic_device.nodes.polled_subscription import PolledSubscription
 from haptic_device.realtime.scheduling import go_realtime, lift_interpreter, put_back
-from haptic_sim.node.parameters import NETWORK_EMULATOR
+from haptic_sim.node_parameters import NODES
 
 LONGEST_WAIT_NS = 20_000_000
 PRIORITY = 62
@@ -67,7 +67,7 @@ class NetworkEmulator(ManagedNode):
     """Active it carries messages, in a thread of its own."""
 
     def __init__(self):
-        super().__init__("haptic_relay", NETWORK_EMULATOR)
+        super().__init__("haptic_relay", NODES["haptic_relay"])
         self._stop, self._thread, self._ways = threading.Event(), None, []
         self._lifted: list[int] = []
 

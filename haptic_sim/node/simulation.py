@@ -28,8 +28,8 @@ from haptic_sim.exchange.left_out_time import left_out_sentence, paused_sentence
 from haptic_sim.exchange.short_force import short_sentence
 from haptic_sim.exchange.simulation import Added, Simulation, kernels_of
 from haptic_sim.node.exchange_thread import ExchangeThread
-from haptic_sim.node.parameters import FIGURES, PARAMETERS
 from haptic_sim.node.scene_publisher import ScenePublisher
+from haptic_sim.node_parameters import FIGURES, NODES
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene.language import load
 
@@ -45,7 +45,7 @@ class SimulationNode(ManagedNode):
 
     def __init__(self, added: Added | None = None):
         self._added = added
-        super().__init__("haptic_simulation", PARAMETERS)
+        super().__init__("haptic_simulation", NODES["haptic_simulation"])
         self.exchange: ExchangeEndpoint | None = None
         self.simulation: Simulation | None = None
         self.scheduling, self._thread, self._result = "", None, {}
@@ -58,7 +58,7 @@ class SimulationNode(ManagedNode):
         beside = ReentrantCallbackGroup()  # while it waits for its world others are served
         self.create_service(Trigger, "~/load_scene", self._on_load_scene, callback_group=beside)
         self.create_service(SetBool, "~/pause", self._on_pause)
-        on_change(self, PARAMETERS, lambda values: load(values["scene"]), self._apply)
+        on_change(self, NODES["haptic_simulation"], lambda values: load(values["scene"]), self._apply)
 
     def configure(self) -> None:
         """Loads the scene."""

@@ -37,38 +37,38 @@ def found_wrong(errors: ValidationError, language: type[Part]) -> list[str]:
 
 
 _NOTHING: dict[str, Any] = {"layers": [], "shapes": [{"circle": {"radius": 1e-3}}]}
-_TOOL, _BODY = {**_NOTHING, "mass": 1.0}, {**_NOTHING, "fixed": True}
-_MENDED = "bodies", "joints", "materials", "measure"
+_TOOL = {**_NOTHING, "mass": 1.0}
 _JOINT = {"type": "spring", "bodies": [TOOL, WORLD], "anchors": [[0, 0], [0, 0]], "stiffness": 1.0, "rest": 0.0}
+_STAND_INS: dict[str, dict[str, Any]] = {
+    "bodies": {**_NOTHING, "fixed": True},
+    "joints": _JOINT,
+    "materials": {},
+    "measure": {"from": 0.0, "to": 1.0},
+}
 
 
 def with_stand_ins(content: dict[Any, Any], wrong: Iterable[tuple[int | str, ...]]) -> dict[Any, Any]:
     """A scene's mapping without the entries at these places, or with what fits whatever is around it in their place."""
-    bad: dict[Any, set[Any]] = {}
+    rest: dict[Any, Any] = {"name": "", **content}
+    stood: set[str] = set()
     for key, *inner in filter(None, wrong):
-        bad.setdefault(key, set()).update(inner[:1])
-    rest = {"name": ""} | {key: entries for key, entries in content.items() if key not in bad}
-    rest |= {key: _mended(key, content[key], places) for key, places in bad.items() if places and key in _MENDED}
-    if "measure" in bad:
-        rest.pop("task", None)  # its goals are measures
-    stood = {rest["bodies"][i]["name"] for i in bad.get("bodies", ())}
-    if TOOL in bad:
-        rest[TOOL], stood = _TOOL, stood | {TOOL}
+        entries = rest.pop(key, None)
+        if key == TOOL:
+            rest[TOOL] = _TOOL
+            stood.add(TOOL)
+        elif key in _STAND_INS and inner:
+            rest[key], at = entries.copy(), inner[0]
+            rest[key][at] = _STAND_INS[key]
+            if key == "bodies":
+                rest[key][at] = _STAND_INS[key] | {"name": _name(entries[at], at)}
+                stood.add(rest[key][at]["name"])
+        elif key == "measure":
+            rest.pop("task", None)  # its goals are measures
     if "joints" in rest:
         rest["joints"] = [_JOINT if stood & set(joint["bodies"]) else joint for joint in rest["joints"]]
     return rest
 
 
-def _mended(key: str, entries: Any, bad: set[Any]) -> Any:
-    """Bodies, joints, materials or measures with something in place of those that are bad."""
-    if key == "bodies":
-        return [_body(body, i) if i in bad else body for i, body in enumerate(entries)]
-    if key == "joints":
-        return [_JOINT if i in bad else joint for i, joint in enumerate(entries)]
-    kept = {name: entry for name, entry in entries.items() if name not in bad}
-    return kept if key == "measure" else kept | {name: {} for name in bad}
-
-
-def _body(body: Any, place: int) -> dict[str, Any]:
+def _name(body: Any, place: int | str) -> str:
     name = body.get("name") if isinstance(body, dict) else None
-    return {**_BODY, "name": name if isinstance(name, str) else f"bodies[{place}]"}
+    return name if isinstance(name, str) else f"bodies[{place}]"

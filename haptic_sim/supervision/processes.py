@@ -3,6 +3,7 @@
 
 import contextlib
 import itertools
+import json
 import os
 import signal
 import subprocess
@@ -51,11 +52,11 @@ def ros_arguments(
 
 
 def parameter_text(value) -> str:
-    """A value as `-p name:=` wants it: texts quoted (y is a bool to YAML), numbers of a list all doubles if one is."""
+    """A value as `-p name:=` and files want it: texts quoted (y is a bool), numbers of a list all doubles if one is."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
-        return "'" + value.replace("'", "''") + "'"
+        return json.dumps(value, ensure_ascii=False)
     if isinstance(value, list | tuple):
         mixed = any(isinstance(item, float) for item in value)
         return "[" + ", ".join(parameter_text(float(item) if mixed else item) for item in value) + "]"

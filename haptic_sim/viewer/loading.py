@@ -6,15 +6,12 @@ from typing import NamedTuple
 
 from haptic_device.parameter_files import PLACES, operating_point_problems, right_values
 from haptic_device.parameter_types import SECTION, defaults
-from haptic_device.parameters import NODES as DEVICE_NODES
 from haptic_device.yaml_reader import loads
-from haptic_sim.node.parameters import NETWORK_EMULATOR
+from haptic_sim.node_parameters import NODES
 from haptic_sim.viewer import settings
-from haptic_sim.viewer.parameters import PARAMETERS
 
 LARGEST = 65536  # bytes of a file
 NAMED = 4  # changes that are told by name
-KNOWN = {**DEVICE_NODES, **settings.NODES, "haptic_relay": NETWORK_EMULATOR, "haptic_viewer": PARAMETERS}
 
 
 class Point(NamedTuple):
@@ -39,7 +36,7 @@ def point_in(file: bytes, namespace: str, running: dict[str, dict]) -> Point:
     if len(file) > LARGEST:
         raise ValueError(f"the file has more than {LARGEST // 1024} kB")
     document = loads(file, ros=True)
-    if wrong := list(operating_point_problems(document, KNOWN)):
+    if wrong := list(operating_point_problems(document, NODES)):
         raise ValueError(wrong[0] + (f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""))
     given, _ = right_values(document, settings.NODES, namespace)
     if not any(given.values()):

@@ -12,11 +12,11 @@ from aiohttp import web
 from aiohttp.http_exceptions import HttpProcessingError
 
 from haptic_device.os_errors import in_words
+from haptic_sim.node_parameters import HOME_PORT
 from haptic_sim.viewer.guard import ALONE, HEADERS, Guard, is_loopback, reachable
 from haptic_sim.viewer.kept_tokens import kept
 from haptic_sim.viewer.loading import LARGEST
 from haptic_sim.viewer.messages import LONGEST
-from haptic_sim.viewer.parameters import HOME_PORT
 from haptic_sim.viewer.session import Session, encoded
 
 WEB = Path(__file__).with_name("web")

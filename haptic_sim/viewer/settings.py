@@ -3,53 +3,14 @@
 
 import math
 
-from haptic_device.parameter_types import SECTION, Parameter
-from haptic_device.parameters import NODES as DEVICE_NODES
+from haptic_device.parameter_types import SECTION, Parameter, check_value
 from haptic_device.yaml_reader import dump
-from haptic_sim.node.parameters import PARAMETERS as SIMULATION_PARAMETERS
+from haptic_sim import node_parameters
 
 DRIVER, LOOPBACK, SIMULATION = "haptic_driver", "haptic_loopback", "haptic_simulation"
 RECORDER = "haptic_recorder"
-NODES: dict[str, tuple[Parameter, ...]] = {
-    DRIVER: DEVICE_NODES[DRIVER],
-    LOOPBACK: DEVICE_NODES[LOOPBACK],
-    SIMULATION: SIMULATION_PARAMETERS,
-}
+NODES: dict[str, tuple[Parameter, ...]] = {node: node_parameters.NODES[node] for node in (DRIVER, LOOPBACK, SIMULATION)}
 LIVE = {parameter.name: parameter for parameter in NODES[DRIVER] if parameter.live}
-FELT: dict[str, tuple[float, float]] = {
-    "force.limit": (0.0, 50.0),
-    "force.limit_rotational": (0.0, 2.0),
-    "coupling.stiffness": (0.0, 5000.0),
-    "coupling.damping": (0.0, 10.0),
-    "coupling.rotational_stiffness": (0.0, 10.0),
-    "coupling.rotational_damping": (0.0, 0.02),
-    "wall.stiffness": (0.0, 5000.0),
-    "wall.damping": (0.0, 10.0),
-    "cancellation.ratio": (0.0, 0.98),
-    "cancellation.filter": (0.0, 0.02),
-    "cancellation.band": (1e-5, 0.02),
-    "cancellation.twist": (1e-5, 0.1),
-    "cancellation.stretch": (1e-6, 0.01),
-    "velocity.lag": (0.0, 0.02),
-    "velocity.window": (1, 32),
-    "engage.time": (0.01, 3.0),
-    "engage.torque": (0.001, 0.5),
-    "engage.force": (0.01, 10.0),
-    "exchange.hold": (0.001, 0.3),
-    "exchange.horizon": (0.0, 0.2),
-    "exchange.slew": (1.0, 5000.0),
-    "exchange.agility": (0.0, 200.0),
-    "exchange.fade": (0.001, 1.0),
-    "local.compliance": (1e-10, 1e-6),
-    "local.apart": (1e-4, 0.05),
-    "local.hold": (0.001, 0.3),
-    "local.rejoin": (0.0, 0.5),
-    "passivity.budget": (0.0, 0.05),
-    "fault.saturation": (0.01, 10.0),
-    "fault.duty": (0.01, 1.0),
-    "fault.duty_time": (0.01, 120.0),
-}
-"""From where to where a slider goes: what a hand tells apart, in the unit. A field takes all legal values."""
 _OWN = ("autostart", "realtime", "realtime_priority", "publish.", "motion.")  # how a node runs, not what it displays
 
 
@@ -64,19 +25,15 @@ def live_of(values: dict) -> dict:
 
 
 def typed(name: str, value):
-    """A value of the page as the driver's parameter takes it: 300 becomes 300.0. ValueError: no live parameter."""
+    """A value of the page as the driver's parameter takes it: 300 becomes 300.0. ValueError: it does not take it."""
     if name not in LIVE:
         raise ValueError(f"{name} is not a parameter of haptic_driver that may be changed while it runs")
-    default = LIVE[name].default
-    numbers = isinstance(value, int | float) and not isinstance(value, bool)
-    if isinstance(default, tuple) and isinstance(value, list):
-        return [float(item) if type(item) is int else item for item in value]
-    if isinstance(default, float) and numbers:
-        return float(value)
-    if type(default) is int and isinstance(value, float) and value.is_integer():
-        return int(value)
-    if type(value) is not type(default):
-        raise ValueError(f"{name} is {value!r}; a {type(default).__name__} is needed")
+    kind = type(LIVE[name].default)
+    if kind is tuple and isinstance(value, list):
+        value = [float(item) if type(item) is int else item for item in value]
+    elif (kind, type(value)) == (float, int) or kind is int and type(value) is float and value.is_integer():
+        value = kind(value)
+    check_value(LIVE[name], value)
     return value
 
 
@@ -103,7 +60,7 @@ def _shown(parameter):
         "meaning": parameter.meaning,
         "low": _finite(parameter.low),
         "high": _finite(parameter.high),
-        "felt": FELT.get(parameter.name),
+        "felt": parameter.felt and (parameter.low, parameter.felt),
         "choices": parameter.choices,
     }
 

@@ -24,13 +24,13 @@ from haptic_device.process import say
 from haptic_device.realtime.scheduling import spare_collections
 from haptic_sim.client import Client
 from haptic_sim.method_registry import AUTO, offered
+from haptic_sim.node_parameters import NODES
 from haptic_sim.viewer import settings
 from haptic_sim.viewer.commands import CommandHandler
 from haptic_sim.viewer.guard import is_loopback
 from haptic_sim.viewer.markers import MarkerPublisher
 from haptic_sim.viewer.messages import Aim, LetGo, Record, Trigger
 from haptic_sim.viewer.page_words import in_page_words
-from haptic_sim.viewer.parameters import PARAMETERS
 from haptic_sim.viewer.passive_range import PassiveRanges
 from haptic_sim.viewer.recordings import Recordings
 from haptic_sim.viewer.server import Server
@@ -260,7 +260,7 @@ def serve(args: list[str] | None, told, nodes=None, stop=None) -> None:
         begin_ros(args)
         node = made(lambda: Node("haptic_viewer"))
         refuse_files_of_others(node, "haptic_viewer", args)
-        asyncio.run(Viewer(node, declare(node, PARAMETERS), nodes).run(told, stop))
+        asyncio.run(Viewer(node, declare(node, NODES["haptic_viewer"]), nodes).run(told, stop))
     finally:
         if node is not None:
             node.destroy_node()

@@ -133,7 +133,7 @@ def test_a_scene_that_wishes_for_less_error_than_its_method_has_is_told_of_and_i
     scene = (ROOT / "config" / "scenes" / "push_block.yaml").read_text()
     path = broken(tmp_path, scene + "error: 1.0e-5\n")
     point = tmp_path / "point.yaml"
-    point.write_text(f"/**/haptic_simulation: {{ros__parameters: {{scene: {path}}}}}\n")
+    point.write_text(f"/**/haptic_simulation: {{ros__parameters: {{scene: ./{path.name}}}}}\n")
     done = haptic("check", path, point)
     assert done.returncode == 0
     for line, file in zip(done.stdout.splitlines(), (path, point), strict=True):

@@ -18,7 +18,7 @@ from haptic_sim.exchange import endpoint
 from haptic_sim.exchange.endpoint import DEVICE_SILENCE_NS, RETURN_NS, SILENCE_NS, ExchangeEndpoint
 from haptic_sim.exchange.port import port_of
 from haptic_sim.exchange.simulation import Simulation
-from haptic_sim.node.parameters import PARAMETERS
+from haptic_sim.node_parameters import NODES
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene.language import load
 
@@ -149,7 +149,7 @@ def test_a_world_that_is_being_built_leaves_the_pull_of_the_one_that_runs_as_it_
     for time_ms in range(1, 400):
         answering.answer(time_ms, (-0.006, 0.0, 0.0))
     before = port.memory.copy()
-    Simulation.by_parameters(reduce_scene(load("wall")), defaults(PARAMETERS))
+    Simulation.by_parameters(reduce_scene(load("wall")), defaults(NODES["haptic_simulation"]))
     assert np.array_equal(port.memory, before) and before[law_port.PULL] > 1.0
     answering.answer(400, (-0.006, 0.0, 0.0))
     assert port.memory[law_port.PULL] == pytest.approx(before[law_port.PULL], rel=0.02)

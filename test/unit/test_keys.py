@@ -18,7 +18,7 @@ from haptic_device.status import Status
 from haptic_sim.cli.keys import ESTOP, keys, stop_key
 from haptic_sim.cli.status import KEYS, _answers, _drivers, newest
 from haptic_sim.cli.view import view
-from haptic_sim.node.parameters import FIGURES
+from haptic_sim.node_parameters import FIGURES
 from haptic_sim.viewer import viewer
 
 DRIVER = Status(0, 0, "idle", {"namespace": "/haptic"})

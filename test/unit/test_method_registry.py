@@ -50,7 +50,7 @@ def test_without_the_line_a_scene_that_asks_for_it_is_refused_with_the_names_tha
 
 
 def test_parameters_measurements_and_pages_name_what_is_registered():
-    from haptic_sim.node.parameters import Simulation as Parameters
+    from haptic_sim.node_parameters import Simulation as Parameters
 
     assert get_args(Parameters.model_fields["method"].annotation) == (AUTO, *offered())
     assert tuple(METHODS) == measured_worlds.OURS

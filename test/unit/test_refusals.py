@@ -5,14 +5,13 @@ A row: where, the wrong value (... leaves it out), the sentence, and values that
 test_refused_commands.py; of parameters: test_parameter.py; of texts that are no YAML: test_yaml_reader.py.
 """
 
+import re
 from math import inf, nan
 
 import pytest
-from pydantic import ValidationError
 from sample_files import DEVICE, SCENE, changed
 
 from haptic_device import description
-from haptic_device.refusal import SAID
 from haptic_sim.scene import language
 
 PLANE = {"half_plane": {"normal": [0, 1]}}
@@ -53,7 +52,7 @@ IN_A_SCENE = [
     ("tool.mass", {"kg": 1}, "tool.mass: it should be a number in kg"),
     ("tool.mas", 1, "tool: has no key 'mas'; did you mean 'mass'?"),
     ("tool.pose", [0, 0], "tool.pose[2] is missing; add it", [0, 0.5, 0]),
-    ("tool.pose", [0, 0, 0, 0], "tool.pose is [0, 0, 0, 0]: it has 4 entries, and should have at most 3"),
+    ("tool.pose", [0, 0, 0, 0], "tool.pose is [0, 0, 0, 0]: it should have at most 3 items and has 4"),
     ("tool.pose", 1, f"tool.pose is 1: {LISTED}"),
     ("tool.pose", [0, 0.005, 0], "bodies[0] ('table') overlaps tool ('tool') by 5 mm at the start; move one of them"),
     ("tool.pose", [0, 0.01 - 2e-9, 0], "bodies[0] ('table') overlaps", [0, 0.01 - 0.5e-9, 0], [0, 0.01, 0]),
@@ -61,7 +60,7 @@ IN_A_SCENE = [
     ("tool.layers", ["a"], f"tool.layers[0] is 'a': {WHOLE}"),
     ("tool.layers", [[1]], f"tool.layers[0] is [1]: {WHOLE}"),
     ("tool.layers", 1, f"tool.layers is 1: {LISTED}"),
-    ("tool.shapes", [], "tool.shapes: it has 0 entries, and should have at least 1"),
+    ("tool.shapes", [], "tool.shapes: it should have at least 1 item and has 0"),
     ("tool.shapes.0", {"disc": {}}, "tool.shapes[0]: must have exactly one of vertices, circle, box, half_plane"),
     ("tool.shapes.0", PLANE, "tool: has a half_plane, which only a fixed body can have; take a box"),
     ("tool.shapes.0.circle.radius", 0, f"tool.shapes[0].circle.radius is 0: {MORE} 0 m", 1e-9),
@@ -90,11 +89,11 @@ IN_A_SCENE = [
     ("bodies.1.surface_velocity", [1, 0], "bodies[1]: has the surface_velocity [1.0, 0.0] m/s, which only a fixed"),
     ("bodies.1.shapes.0", PLANE, "bodies[1]: has a half_plane, which only a fixed body can have; write fixed: true"),
     ("joints.0", 1, f"joints[0] is 1: {MAPPED}"),
-    ("joints.0.type", "hook", "joints[0].type is 'hook': it should be one of 'pin', 'slider', 'weld', 'spring'"),
+    ("joints.0.type", "hook", "joints[0]: type is 'hook'; it should be one of 'pin', 'slider', 'weld', 'spring'"),
     ("joints.0", {**HELD, "type": "weld", "bodies": ["tool", "block"]}, "joints[0] welds 'tool' and 'block'; give"),
     ("joints.0", apart(0.003, 0.004), f"{APART} 5 mm apart at the start, by [0.003, 0.004] m; move a body"),
     ("joints.0", apart(1.1e-6, 0.0), f"{APART} 0.0011 mm apart", apart(0.9e-6, 0.0)),
-    ("joints.0.type", ..., "joints[0].type is missing; add it"),
+    ("joints.0.type", ..., "joints[0]: type is missing; add it"),
     ("joints.0.bodies", ["world", "blok"], "joints[0] ('hinge').bodies[1] is 'blok'; it must be one of tool, table"),
     ("joints.0.bodies", ["table", "world"], "joints[0] ('hinge') joins two bodies that cannot move, 'table'"),
     ("joints.0.bodies", ["block", "block"], "joints[0]: joins 'block' to itself; name two bodies"),
@@ -115,7 +114,7 @@ IN_A_SCENE = [
     ("measure.pushed.from", "far", "measure.pushed.from is 'far': must be a number"),
     ("measure.pushed.to", 0.1, "measure.pushed: needs from and to that differ", 0.2),
     ("task.title", ..., "task.title is missing; add it"),
-    ("task.title", "", "task.title is '': it should have a character at least"),
+    ("task.title", "", "task.title is '': it should have at least 1 character"),
     ("task.hint", "x" * 201, f"task.hint is '{'x' * 201}': it should have at most 200 characters", "x" * 200),
     ("task.goal", 3, "task.goal is 3: it should be text"),
     ("task.hints", "no", "task: has no key 'hints'; did you mean 'hint'?"),
@@ -127,7 +126,7 @@ IN_A_SCENE = [
     ("task.words", "far", "task.words is 'far': write {percent} once"),
     ("task.words", "{percent} of {percent}", "task.words is '{percent} of {percent}': write {percent} once"),
     ("task.way", [[0, 0]], "task.way[0][2] is missing"),
-    ("task.way", [[0, 0, 0]] * 32, "task.way: it has 32 entries, and should have at most 31", [[0, 0, 0]] * 31),
+    ("task.way", [[0, 0, 0]] * 32, "task.way: it should have at most 31 items and has 32", [[0, 0, 0]] * 31),
     ("task.seconds", 0, f"task.seconds is 0: {MORE} 0 s", 1e-3),
     ("motion", "circle", f"motion is 'circle': {MAPPED}"),
     ("motion", waypoints([0.1]), "motion: waypoints[1] is [0.1]; write [x, y] or [x, y, theta]", waypoints([0.1, 0.2])),
@@ -162,7 +161,7 @@ IN_A_DEVICE = [
     ("axes.0.mass", True, "axes[0].mass is True: it should be a number in kg"),
     ("axes.2.mass", 1e-7, "axes[2]: damping/mass is 3e+07 1/s; the limit is 20000 1/s"),
     ("axes.0.damping", 2000.1, "axes[0]: damping/mass is 20001 1/s; the limit is 20000 1/s", 2000.0),
-    ("axes.2.damping", 2e9, f"axes[2].damping is 2000000000.0: {MOST} 1e+09 N m s/rad"),
+    ("axes.2.damping", 2e9, f"axes[2].damping is 2000000000.0: {MOST} 1000000000 N m s/rad"),
     ("axes.0.counts_per_unit", 0.0, f"axes[0].counts_per_unit is 0.0: {MORE} 0 counts/m"),
     ("axes.0.counts_per_unit", 499.0, f"axes[0]: counts_per_unit is 499 counts/m, 99.8 {FEW}", 500.0, 501.0),
     ("axes.2.counts_per_unit", 1.0, f"axes[2]: counts_per_unit is 1 counts/rad, 0.2 {FEW}", 500.0),
@@ -186,9 +185,9 @@ IN_A_DEVICE = [
     ("axes.0.dampin", 3.0, "axes[0]: has no key 'dampin'; did you mean 'damping'?"),
     ("axes.0.velocity_limit", ..., "axes[0].velocity_limit is missing; add it"),
     ("axes.1", "y", f"axes[1] is 'y': {MAPPED}"),
-    ("axes", [], "axes: it has 0 entries, and should have at least 1", DEVICE["axes"][:1]),
+    ("axes", [], "axes: it should have at least 1 item and has 0", DEVICE["axes"][:1]),
     ("axes", {}, f"axes: {LISTED}"),
-    ("axes", DEVICE["axes"] * 2, "axes: it has 6 entries, and should have at most 3", DEVICE["axes"][:2]),
+    ("axes", DEVICE["axes"] * 2, "axes: it should have at most 3 items and has 6", DEVICE["axes"][:2]),
     ("sensing_delay", 0.1001, f"sensing_delay is 0.1001: {MOST} 0.1 s", 0.1),
     ("actuation_delay", -0.001, f"actuation_delay is -0.001: {LEAST} 0 s", 0.0),
     ("actuation_delay", 0.0401, f"actuation_delay is 0.0401: {MOST} 0.04 s", 0.04),
@@ -208,7 +207,7 @@ IN_A_DEVICE = [
 ON_A_SERIAL_LINE = [
     ("link.port", ..., "link: port is missing; add it"),
     ("link.port", 3, "link: port is 3: it should be text"),
-    ("link.port", "", "link: port is '': it should have a character at least"),
+    ("link.port", "", "link: port is '': it should have at least 1 character"),
     ("link.speed", 1, "link: has no key 'speed'; known here are port, baud, program"),
     ("link.baud", 0, "link: baud is 0: it should be one of 1200, 1800, 2400, 4800, 9600, ", 1200),
     ("link.baud", 600, "link: baud is 600: it should be one of 1200, ", 1800),
@@ -221,7 +220,7 @@ BY_UDP = [
     ("link.port", 0, f"link: port is 0: {LEAST} 1", 1),
     ("link.port", 65536, f"link: port is 65536: {MOST} 65535", 65535),
     ("link.port", "5005", f"link: port is '5005': {WHOLE}"),
-    ("link.host", "", "link: host is '': it should have a character at least"),
+    ("link.host", "", "link: host is '': it should have at least 1 character"),
     ("link.baud", 1, "link: has no key 'baud'; known here are host, port, program"),
     ("link.program", "other", "link: program is 'other': it should be 'none' or 'reference'", "reference"),
 ]
@@ -261,21 +260,8 @@ def test_what_is_wrong_is_refused_with_name_value_limit_and_unit_and_what_is_jus
         assert [refusal(parse, changed(content, place, value)) for value in right] == [""] * len(right), place
 
 
-def kinds(model, content):
-    try:
-        model.model_validate(content)
-    except ValidationError as errors:
-        return {error["type"] for error in errors.errors()}
-    return set()
-
-
-def test_each_kind_of_refusal_that_has_words_stands_in_these_tables_and_no_other_is_without():
-    models, own_words = (
-        {language.parse: language.Scene, description.parse: description.Device},
-        {"value_error", "shape"},
-    )
-    own_words |= {"missing", "extra_forbidden", "union_tag_not_found"}
-    found = set()
+def test_no_sentence_has_words_of_python_or_of_pydantic():
     for parse, content, rows in TABLES.values():
-        found = found.union(*(kinds(models[parse], changed(content, place, wrong)) for place, wrong, *_ in rows))
-    assert set(SAID) <= found <= set(SAID) | own_words
+        for place, wrong, *_ in rows:
+            said = refusal(parse, changed(content, place, wrong))
+            assert not re.search("tuple|dict|valid|instance|integer|string|Input|object", said), said
