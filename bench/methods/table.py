@@ -46,6 +46,16 @@ class Ratio(NamedTuple):
         return self.ratio >= WANTED[self.kind]
 
 
+class Lead(NamedTuple):
+    """Errors at which a peer is faster than the best of ours, and up to how many times: inf where none gets there."""
+
+    scene: str
+    peer: str
+    least: float
+    most: float
+    times: float
+
+
 def pareto(runs: list[Run]) -> list[Run]:
     """Runs that no other beats in both time and error, by falling error."""
     best, front = float("inf"), []
@@ -70,6 +80,36 @@ def ratios(runs: list[Run]) -> list[Ratio]:
             )
             found.append(Ratio(mine.scene, mine.kind, mine.method, peer, error, mine.wall, its.wall))
     return found
+
+
+def leads(runs: list[Run]) -> list[Lead]:
+    """Peers that are ahead of ours somewhere, on one scene."""
+    own = [item for item in runs if item.method in OURS and item.counts]
+    found = []
+    for peer in PEERS:
+        ahead = {}
+        for item in pareto([item for item in runs if item.method == peer]):
+            times = min((mine.wall for mine in own if mine.error <= item.error), default=math.inf) / item.wall
+            if times > 1.0:
+                ahead[item.error] = times
+        if ahead:
+            found.append(Lead(runs[0].scene, peer, min(ahead), max(ahead), max(ahead.values())))
+    return found
+
+
+def told_leads(runs: list[Run]) -> str:
+    """A line for each peer and scene where the peer is ahead, in words."""
+    found = [lead for scene in scenes_of(runs) for lead in leads([item for item in runs if item.scene == scene])]
+    return "\n".join(
+        f"* {title(lead.peer)} on `{lead.scene}` "
+        + (
+            f"at an error of {lead.least:.0e}"
+            if lead.least == lead.most
+            else f"at errors from {lead.least:.0e} to {lead.most:.0e}"
+        )
+        + (f": up to {lead.times:.2g}×" if math.isfinite(lead.times) else ": none of ours gets there")
+        for lead in found
+    )
 
 
 def scenes_of(runs: list[Run]) -> list[str]:
