@@ -101,8 +101,8 @@ def _page(runs):
 def _content(runs):
     equal = [
         ratio._asdict() | {"ratio": ratio.ratio}
-        for scene in table.scenes_of(runs)
-        for ratio in table.ratios([item for item in runs if item.scene == scene])
+        for of_scene in table.by_scene(runs).values()
+        for ratio in table.ratios(of_scene)
     ]
     used = {item.method for item in runs}
     return {

@@ -99,7 +99,7 @@ def leads(runs: list[Run]) -> list[Lead]:
 
 def told_leads(runs: list[Run]) -> str:
     """A line for each peer and scene where the peer is ahead, in words."""
-    found = [lead for scene in scenes_of(runs) for lead in leads([item for item in runs if item.scene == scene])]
+    found = [lead for of_scene in by_scene(runs).values() for lead in leads(of_scene)]
     return "\n".join(
         f"* {title(lead.peer)} on `{lead.scene}` "
         + (
@@ -115,6 +115,11 @@ def told_leads(runs: list[Run]) -> str:
 def scenes_of(runs: list[Run]) -> list[str]:
     """Names in the order of the runs."""
     return list(dict.fromkeys(item.scene for item in runs))
+
+
+def by_scene(runs: list[Run]) -> dict[str, list[Run]]:
+    """Scene → its runs."""
+    return {scene: [item for item in runs if item.scene == scene] for scene in scenes_of(runs)}
 
 
 def default_of(scene: str) -> tuple[str, int]:
@@ -136,8 +141,7 @@ def markdown(runs: list[Run]) -> str:
     """
     heads = ["scene", "method", "step", "error", "of an exchange", "overlap", "energy created", *map(title, PEERS)]
     rows = []
-    for scene in scenes_of(runs):
-        of_scene = [item for item in runs if item.scene == scene]
+    for scene, of_scene in by_scene(runs).items():
         faster = {ratio.peer: ratio for ratio in ratios(of_scene)}
         rows += [_row(item, item.method == default_of(scene)[0]) for item in _shown(scene, of_scene)]
         rows[-1] += [_cell(faster.get(peer), of_scene, peer) for peer in PEERS]
@@ -193,8 +197,7 @@ def _short(value):
 def summary(runs: list[Run]) -> list[tuple[str, str, float, float, int, int]]:
     """(class, peer, least ratio, ratio wanted, how many reach it, how many) over the scenes."""
     found = {}
-    for scene in scenes_of(runs):
-        of_scene = [item for item in runs if item.scene == scene]
+    for of_scene in by_scene(runs).values():
         for ratio in ratios(of_scene):
             found.setdefault((ratio.kind, ratio.peer), []).append(ratio)
     return [
