@@ -92,15 +92,17 @@ def _page(runs):
         "They show how many times faster the best of `closed_form`, `partitioned` and `event_driven` is, at the "
         "smallest error that both sides reach. ✗ marks a ratio below the goal. The goal is 15 for linkages against "
         "RK4, 5 for single contacts and 1 for all others.\n\n"
-        f"{table.markdown(runs)}\n"
+        f"{table.markdown(runs)}\n\n## Where a peer is ahead\n\n"
+        "Here a peer is faster than the best of `closed_form`, `partitioned` and `event_driven`.\n\n"
+        f"{table.told_leads(runs)}\n"
     )
 
 
 def _content(runs):
     equal = [
         ratio._asdict() | {"ratio": ratio.ratio}
-        for scene in table.scenes_of(runs)
-        for ratio in table.ratios([item for item in runs if item.scene == scene])
+        for of_scene in table.by_scene(runs).values()
+        for ratio in table.ratios(of_scene)
     ]
     used = {item.method for item in runs}
     return {

@@ -46,6 +46,16 @@ class Ratio(NamedTuple):
         return self.ratio >= WANTED[self.kind]
 
 
+class Lead(NamedTuple):
+    """Errors at which a peer is faster than the best of ours, and up to how many times: inf where none gets there."""
+
+    scene: str
+    peer: str
+    least: float
+    most: float
+    times: float
+
+
 def pareto(runs: list[Run]) -> list[Run]:
     """Runs that no other beats in both time and error, by falling error."""
     best, front = float("inf"), []
@@ -72,9 +82,44 @@ def ratios(runs: list[Run]) -> list[Ratio]:
     return found
 
 
+def leads(runs: list[Run]) -> list[Lead]:
+    """Peers that are ahead of ours somewhere, on one scene."""
+    own = [item for item in runs if item.method in OURS and item.counts]
+    found = []
+    for peer in PEERS:
+        ahead = {}
+        for item in pareto([item for item in runs if item.method == peer]):
+            times = min((mine.wall for mine in own if mine.error <= item.error), default=math.inf) / item.wall
+            if times > 1.0:
+                ahead[item.error] = times
+        if ahead:
+            found.append(Lead(runs[0].scene, peer, min(ahead), max(ahead), max(ahead.values())))
+    return found
+
+
+def told_leads(runs: list[Run]) -> str:
+    """A line for each peer and scene where the peer is ahead, in words."""
+    found = [lead for of_scene in by_scene(runs).values() for lead in leads(of_scene)]
+    return "\n".join(
+        f"* {title(lead.peer)} on `{lead.scene}` "
+        + (
+            f"at an error of {lead.least:.0e}"
+            if lead.least == lead.most
+            else f"at errors from {lead.least:.0e} to {lead.most:.0e}"
+        )
+        + (f": up to {lead.times:.2g}×" if math.isfinite(lead.times) else ": none of ours gets there")
+        for lead in found
+    )
+
+
 def scenes_of(runs: list[Run]) -> list[str]:
     """Names in the order of the runs."""
     return list(dict.fromkeys(item.scene for item in runs))
+
+
+def by_scene(runs: list[Run]) -> dict[str, list[Run]]:
+    """Scene → its runs."""
+    return {scene: [item for item in runs if item.scene == scene] for scene in scenes_of(runs)}
 
 
 def default_of(scene: str) -> tuple[str, int]:
@@ -96,8 +141,7 @@ def markdown(runs: list[Run]) -> str:
     """
     heads = ["scene", "method", "step", "error", "of an exchange", "overlap", "energy created", *map(title, PEERS)]
     rows = []
-    for scene in scenes_of(runs):
-        of_scene = [item for item in runs if item.scene == scene]
+    for scene, of_scene in by_scene(runs).items():
         faster = {ratio.peer: ratio for ratio in ratios(of_scene)}
         rows += [_row(item, item.method == default_of(scene)[0]) for item in _shown(scene, of_scene)]
         rows[-1] += [_cell(faster.get(peer), of_scene, peer) for peer in PEERS]
@@ -153,8 +197,7 @@ def _short(value):
 def summary(runs: list[Run]) -> list[tuple[str, str, float, float, int, int]]:
     """(class, peer, least ratio, ratio wanted, how many reach it, how many) over the scenes."""
     found = {}
-    for scene in scenes_of(runs):
-        of_scene = [item for item in runs if item.scene == scene]
+    for of_scene in by_scene(runs).values():
         for ratio in ratios(of_scene):
             found.setdefault((ratio.kind, ratio.peer), []).append(ratio)
     return [

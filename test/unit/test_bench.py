@@ -114,3 +114,10 @@ def test_all_measures_only_what_is_missing_and_puts_the_table_of_all_that_is_kep
     assert "| very first start, all nodes at work | 10 s | ≤ 20 s |" in text
     assert "| least error, worst of 1 scenes | 0.1 % of the distance moved |" in text
     assert "| least speed ratio at equal error, single contact, to pymunk | 8 × | ≥ 5 |" in text
+
+
+def test_a_peer_is_told_ahead_only_at_errors_at_which_it_is_faster_than_the_best_of_ours():
+    made = (("event_driven", 1e-3, 0.02), ("partitioned", 1e-6, 0.05), ("pymunk", 1e-3, 0.01), ("pymunk", 1e-5, 0.06))
+    runs = [Run("wall", "single contact", name, 100, wall, error, 0.0, 1.0, 0.0, STABLE) for name, error, wall in made]
+    assert [lead[1:] for lead in table.leads(runs)] == [("pymunk", 1e-3, 1e-3, 2.0)]
+    assert table.leads(runs[2:])[0].times == float("inf")
