@@ -127,7 +127,10 @@ def _place():
         return made(base.expanduser(), own), ""
     except (OSError, RuntimeError) as error:  # RuntimeError: nobody's home is known
         why = getattr(error, "strerror", None) or error
-    place = made(private(MEMORY / f"haptic_display_{os.geteuid()}"), own)
+    try:
+        place = made(private(MEMORY / f"haptic_display_{os.geteuid()}"), own)
+    except OSError:
+        place = Path(tempfile.mkdtemp(prefix="haptic_display_"))
     return place, f"{base} cannot hold the compiled kernels ({why}); they are kept in {place}"
 
 
@@ -159,6 +162,6 @@ def private(own: Path) -> Path:
     """A folder that only this user can write: what lies in a cache is run. PermissionError if it is another's."""
     own.mkdir(mode=0o700, exist_ok=True)
     known = own.lstat()
-    if (known.st_mode, known.st_uid) != (stat.S_IFDIR | 0o700, os.geteuid()):
+    if not stat.S_ISDIR(known.st_mode) or known.st_uid != os.geteuid() or known.st_mode & 0o077:
         raise PermissionError(f"{own} is another user's")
     return own

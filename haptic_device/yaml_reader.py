@@ -57,6 +57,8 @@ def loads(text: str | bytes, ros: bool = False) -> dict:
         if not isinstance(found, dict):
             raise ValueError("the file holds no mapping of names to values")
         return found
+    except RecursionError:
+        raise ValueError(f"aliases nest values too deep; the limit is {DEEPEST}") from None
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         if "\t" in _indentation(text, line):
@@ -115,6 +117,8 @@ class _Loader(PARSER):
         """Refuses a name that stands twice, and then brings in what merge keys name; once, however often it is used."""
         names = set()
         for key, _ in node.value if node not in self._looked_at else ():
+            if key.tag == MERGE_TAG and (self._ros or key.value != MERGE):  # a tag that was written
+                key.tag = PLAIN
             line = key.start_mark.line + 1
             if not isinstance(key, yaml.ScalarNode) or not key.value.isprintable():
                 raise ValueError(f"line {line} has no plain name where one belongs")
@@ -123,6 +127,7 @@ class _Loader(PARSER):
             names.add(key.value)
         self._looked_at.add(node)
         super().flatten_mapping(node)
+        node.value = list({key.value: (key, content) for key, content in node.value}.values())  # else merges multiply
 
 
 def _indentation(text, line):

@@ -37,6 +37,8 @@ def figures(recording: Recording, started: float, lossy: bool = False) -> dict:
     lossy: a relay loses handle samples, or has one overtake another, so that nobody else is to blame for it.
     Raises ValueError if the bag lacks what the figures are read from.
     """
+    if reason := recording.lacks("handle"):
+        raise ValueError(reason)
     run = Engaged(recording, "", started=started)
     found = quantities.figures(run)
     servo, exchange, waited = found["servo"], found["exchange"], found["simulation"]["waited_s"]

@@ -68,6 +68,8 @@ class Spectrum(NamedTuple):
 
 def too_short(samples: int, rate: float) -> str:
     """That so many samples at this rate [Hz] are too few for a spectrum, a sentence; "" if they are enough."""
+    if not rate >= SLOWEST:
+        return f"ticks at {rate:.3g} Hz are too few for a spectrum; {SLOWEST:g} Hz are needed"
     if samples >= int(WINDOW * rate):
         return ""
     return f"a force of {samples / rate:.2g} s is too short for a spectrum; {WINDOW} s are needed"

@@ -50,7 +50,7 @@ class Peer(NamedTuple):
 
 def name_of(number):
     """Name of an exchange method, of a bag too that was made when there were others."""
-    return {known: name for name, known in METHODS.items()}.get(number, f"number {number:g}")
+    return {1: "wave", **{known: name for name, known in METHODS.items()}}.get(number, f"number {number:g}")
 
 
 @kernel

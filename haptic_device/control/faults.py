@@ -59,7 +59,7 @@ class Ticks(NamedTuple):
 class Fault(NamedTuple):
     """code: as in the trace; title: for people; cause: what latched it; first: what a person does before a reset, "" if
     nothing; motor: what it does; number: how much, of the fields that `measure` finds, None where they are not known
-    (`at` among them: a better known place); at: (number, first) where the place is known."""
+    (`at` among them: a better known place); at: {place: (number, first)}."""
 
     code: int
     name: str

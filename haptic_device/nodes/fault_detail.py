@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The number of a latched fault, from the tick that latched it: the sentence `number` of the table of faults."""
+"""Number and first step of a latched fault, from the tick that latched it, as its row of the table says them."""
 
 import numpy as np
 
@@ -41,7 +41,9 @@ class LatchedFault:
 def told(rows: np.ndarray, settings: np.void, place: str = "", watchdog: float = 0.0) -> tuple[str, str]:
     """Number and first step of the fault of the last of these rows, as the table says them where its cause was; the
     number "" where it is not known. place: of the device; watchdog: of the device [s], 0: not known."""
-    fault = faults.TABLE[int(rows["fault"][-1]) - 1]
+    fault = faults.FAULTS.get(faults.name_of(rows["fault"][-1]))
+    if fault is None:  # of a newer driver
+        return "", ""
     fields = fault.measure(faults.Ticks(rows, settings, watchdog)) or {}
     number, first = fault.at.get(fields.pop("at", place), (fault.number, fault.first))
     return number.format_map(_texts(fields)) if fields else "", first

@@ -8,6 +8,7 @@ import os
 import signal
 import time
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from typing import Annotated
 
 import typer
@@ -18,6 +19,7 @@ from haptic_sim.cli.progress import status_line
 from haptic_sim.cli.words import next_step
 
 TEXT = "compiling, once for this machine"
+MACHINE = BrokenProcessPool, MemoryError, OSError  # memory or the disk failed: no fault of the cache
 LOOK, SELDOM = 1.0, 10.0  # [s] between looks at what is done, and between lines where there is no terminal
 
 
@@ -40,7 +42,7 @@ def compile(entries: Annotated[list[str] | None, typer.Argument(help="Some only;
         if wrong and known:
             say(f"compiled kernels in {jit.folder()} cannot be read ({'; '.join(wrong)}); all are compiled anew")
             jit.wipe()
-            wrong = _compile(names)
+            wrong = _compile([*ENTRIES])
     if wrong:
         raise ValueError(f"not compiled: {'; '.join(wrong)}")
     typer.echo(f"{'all' if not entries else 'these'} kernels are compiled; they are kept in {jit.folder()}")
@@ -49,7 +51,7 @@ def compile(entries: Annotated[list[str] | None, typer.Argument(help="Some only;
 
 
 def _compile(names):
-    """Sentences on those of these entries that could not be compiled."""
+    """Sentences on those of these entries that could not be compiled. Raises ValueError where the machine stops one."""
     if not names:
         return []
     wrong, began, own = [], time.time(), multiprocessing.get_context("spawn")
@@ -62,6 +64,8 @@ def _compile(names):
                 done, left = wait(left, LOOK, FIRST_COMPLETED)
                 failed = [(names[one], error) for one in done if (error := one.exception())]
                 wrong += [f"{name} ({type(error).__name__}: {error})" for name, error in failed]
+                if any(isinstance(error, MACHINE) for _, error in failed):
+                    raise ValueError(f"not compiled: {'; '.join(wrong)}")
                 if good := [names[one] for one in done if not one.exception()]:
                     jit.record(good)
                 show(f"{TEXT}: {_kept(began)} kernels, {len(names) - len(left)} of {len(names)} groups")

@@ -6,11 +6,11 @@ import numpy.typing as npt
 
 from haptic_device.analysis.report.run import Run
 from haptic_device.control import withheld
+from haptic_device.message_fields import AXES
 from haptic_device.recording.bag_contents import Joints
 from haptic_sim.film.clock import Array, Clock
 from haptic_sim.scene.shapes import TOOL
 
-AXES = ("x", "y", "theta")
 HANDLE, ENERGY = "handle", "energy"  # in scene/state, beside the solids
 NOT_HELD = sum(cause.bit for cause in withheld.TABLE if not cause.holds)
 

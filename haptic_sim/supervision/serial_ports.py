@@ -49,10 +49,11 @@ class Port(NamedTuple):
 
 def ports() -> list[Port]:
     """All USB serial ports, by name."""
-    try:
-        found = comports()
-    except TypeError:  # pyserial stumbled over a port that was just unplugged
-        found = comports()
+    found = []
+    for _ in range(2):
+        with contextlib.suppress(TypeError):  # pyserial stumbled over a port that was just unplugged
+            found = comports()
+            break
     open_files, lasting = _open_files(), _lasting()
     usb = sorted(one for one in found if one.vid is not None)
     return [_port(one, open_files.get(one.device, ()), lasting.get(one.name, "")) for one in usb]

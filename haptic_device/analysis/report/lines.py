@@ -233,7 +233,7 @@ def error(run: Run) -> str:
 
 def most_energy(run: Run) -> str | None:
     """Largest energy given to the operator: by the truth, or else as the servo counts it."""
-    if not run.recording.lacks("operator/state", "energy_given") and np.isfinite(run.given).any():
+    if not run.no_truth and np.isfinite(run.given).any():
         return plain(float(np.fmax.reduce(run.given)) * 1e3)
     if not run.traced or not np.isfinite(run.booked).any():
         return None

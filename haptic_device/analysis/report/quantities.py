@@ -23,7 +23,7 @@ def _nothing(run: Run) -> str:
 
 
 def _truth(run: Run) -> str:
-    return run.recording.lacks("operator/state", "energy_given")
+    return run.no_truth
 
 
 def _contacts(run: Run) -> str:
@@ -217,7 +217,7 @@ def sections(run: Run) -> dict[str, dict[str, str]]:
     for one in (one for one in QUANTITIES if one.section):
         words = one.label or one.words
         if reason := one.needs(run):
-            found[one.section]["not shown"] = reason
+            found[one.section].setdefault("not shown", reason)
         else:
             found[one.section] |= {words: one.text(run)} if words else dict(one.of(run))
     return found

@@ -16,10 +16,10 @@ from haptic_device.analysis.oscillation import Spectrum, spectrum_of
 from haptic_device.analysis.quantity import Array, Flags
 from haptic_device.analysis.report.conditions import conditions, period
 from haptic_device.analysis.wall_contacts import Contact, contacts, touching
+from haptic_device.message_fields import AXES
 from haptic_device.recording.bag_contents import Joints, Nanoseconds, Recording, Records
 from haptic_device.status import number
 
-AXES = ("x", "y", "theta")
 TELLING = 0.9  # share of the force that a fit in contact has to explain
 AVERAGED = 8  # ticks, where only the servo's own columns are there
 
@@ -164,6 +164,11 @@ class Run:
         return Joints._make((state.names, *(column[chosen] for column in state[1:])))
 
     @property
+    def no_truth(self) -> str:
+        """Why the energy truly given is not known, or ""."""
+        return self.recording.lacks("operator/state", "energy_given", "time")
+
+    @property
     def given(self) -> Array:
         """Energy [J] truly given to the operator since the first true sample here, at each true sample."""
         given = self.ground_truth.entry("energy_given")
@@ -281,9 +286,9 @@ class Run:
         """Times [s], and position, velocity, minus motor force of each axis: of the truth, else of the trace."""
         state = self.recording.joints.get("operator/state")
         names = [name for name in AXES if state and name in state.names and f"motor_{name}" in state.names]
-        if not names:
+        truth = self.ground_truth if names else None
+        if truth is None or len(truth.stamp) < 2:
             return self._felt_by_servo()
-        truth = self.ground_truth
         parts = {
             name: (truth.entry(name), truth.entry(name, "velocity"), -truth.entry(f"motor_{name}", "effort"))
             for name in names
@@ -297,8 +302,9 @@ class Run:
         def blocks(values: Array) -> Array:
             return values[:count].reshape(-1, AVERAGED).mean(axis=1)
 
-        time = blocks(self.seconds)
-        parts = {}
+        time, parts = blocks(self.seconds), {}
+        if len(time) < 2:
+            return time, parts
         for index, name in enumerate(AXES):
             position = blocks(self.rows["position"][:, index])
             force = -blocks(self.rows["force_on_handle"][:, index].astype(float))

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from haptic_device.analysis.quantity import Array
 from haptic_device.analysis.report.conditions import GAINS, gains, period
 from haptic_device.analysis.report.run import Run
+from haptic_device.control.exchange_samples import METHODS
 from haptic_device.control.faults import FRESH, name_of
 from haptic_device.recording.bag_contents import Joints, Recording, Records
 from haptic_device.status import number
@@ -251,7 +252,13 @@ def withheld_seconds(run: Run) -> dict[str, float]:
 def no_residual(run: Run) -> str:
     """Why a run has no `residual`; "" where it has."""
     needed = "session", "sequence", *GAINS
-    return run.no_trace or hardly_engaged(run.recording.trace) or run.recording.lacks("handle", *needed)
+    if reason := run.no_trace or hardly_engaged(run.recording.trace) or run.recording.lacks("handle", *needed):
+        return reason
+    if run.recording.lacks("handle", "exchange_method"):
+        return ""
+    numbers = run.recording.joint("handle").entry("exchange_method")
+    known = np.isin(numbers[np.isfinite(numbers)], [*METHODS.values()])
+    return "" if known.all() else "it was recorded with an exchange method that this version lacks"
 
 
 def residual(run: Run) -> dict[str, float | None]:

@@ -8,14 +8,13 @@ import numpy as np
 
 from haptic_device.analysis.report import summary
 from haptic_device.analysis.report.run import Run
-from haptic_device.control.faults import TABLE, name_of
+from haptic_device.control.faults import FAULTS, name_of
 from haptic_device.digits import amount, plain
 
 LATE = 0.01  # share of ticks missed, or of samples late or unanswered, that is worth a warning
 NOTHING = 1e-6  # [J] of energy that nobody feels
 MISMATCH = 0.1  # [N] between the forces on handle and tool, beyond what the age of samples explains
 GOOD, WARN, BAD = "good", "warn", "bad"
-_FAULTS = {fault.name: fault for fault in TABLE}
 Findings = Iterator[tuple[str, str]]
 """(level, sentence) each."""
 
@@ -80,8 +79,8 @@ def _faults(run: Run) -> Findings:
         codes = run.recording.trace["fault"]
         found, last = summary.faults(run), name_of(int(np.nan_to_num(codes[-1])))
         known = bool(np.isfinite(codes).any())
-    if last in _FAULTS:
-        yield BAD, f"Ended by a fault: {_title(last)} ({_FAULTS[last].cause})"
+    if last in FAULTS:
+        yield BAD, f"Ended by a fault: {_title(last)} ({FAULTS[last].cause})"
     elif found:
         yield WARN, f"A fault came and was cleared: {', '.join(map(_title, found))}"
     elif known:
@@ -92,7 +91,7 @@ def _faults(run: Run) -> Findings:
 
 def _title(name: str) -> str:
     """Of a fault, for people; its name where it is of a newer driver."""
-    return _FAULTS[name].title if name in _FAULTS else name
+    return FAULTS[name].title if name in FAULTS else name
 
 
 def _job(run: Run) -> Findings:
@@ -109,7 +108,7 @@ def _job(run: Run) -> Findings:
 
 
 def _energy(run: Run) -> Findings:
-    known = not run.recording.lacks("operator/state", "energy_given") and len(run.given)
+    known = not run.no_truth and len(run.given)
     if not known and not run.traced:
         return
     given = np.fmax.reduce(run.given if known else run.booked)
