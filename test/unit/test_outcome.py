@@ -56,6 +56,12 @@ def test_the_figures_of_a_run_have_the_cause_from_the_time_in_which_time_was_lef
     assert outcome.figures(recording, 0.0, lossy=True)["exchange"]["cause"] == "", "the network's"
 
 
+def test_a_run_whose_bag_has_no_handle_samples_has_no_figures(tmp_path):
+    bag = write_bag(tmp_path / "some", ("/haptic/trace", CLOUD, cloud(swing(400))))
+    with pytest.raises(ValueError, match="no topic handle"):
+        outcome.figures(load(bag), 0.0)
+
+
 def test_samples_that_come_late_are_said_beyond_one_in_a_hundred():
     for late, margin, words in ((10, "-1.0", ()), (11, "0.5", ("1 %",)), (500, "-1.5", ("50 %", "1.5 N s/m", "2 ms"))):
         told = {"passivity_margin": margin, "lateness_counted_us": "2000"}

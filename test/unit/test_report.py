@@ -29,7 +29,7 @@ from matplotlib.text import Text
 from mcap.reader import make_reader
 
 from haptic_device.analysis.palette import RUNS
-from haptic_device.analysis.report import curves, figures, quantities
+from haptic_device.analysis.report import curves, figures, quantities, summary
 from haptic_device.analysis.report import page as pages
 from haptic_device.analysis.report.figures import FIGURES
 from haptic_device.analysis.report.page import write_report
@@ -166,6 +166,23 @@ def test_a_trace_of_an_older_layout_is_shown_as_far_as_it_goes(tmp_path):
     assert "topic trace has no tool_age, force_walls, margin" in verdict(run).rest
     run = read_run(of_columns(tmp_path / "bare", rows, ["tick", "deadline", "engage"]))
     assert verdict(run)[:2] == (WARN, "Not known whether there was a fault.")
+
+
+@pytest.mark.parametrize("ticks", [3, 12, 40])
+@pytest.mark.parametrize("period", [0, PERIOD_NS, 10**9])
+def test_a_trace_of_few_ticks_or_strange_times_says_what_it_cannot_show(tmp_path, ticks, period):
+    rows = swing(ticks)
+    rows["deadline"] = 5e9 + rows["tick"] * period
+    run = read_run(write_bag(tmp_path / "some", ("/haptic/trace", CLOUD, cloud(rows))))
+    assert sections(run)["Oscillation of the force"]["not shown"] and compared(run)["oscillation"] == "—"
+    assert "no topic operator/state" in sections(run)["Energy"]["not shown"] and verdict(run).level == WARN
+
+
+def test_the_forces_of_a_run_by_a_method_that_is_no_more_are_not_judged(tmp_path, monkeypatch):
+    bag = write_run(tmp_path / "some", swing(400))
+    assert "Not judged" not in verdict(read_run(bag)).rest
+    monkeypatch.setattr(summary, "METHODS", {"pspm": 2})
+    assert "Not judged: forces (it was recorded with an exchange method" in verdict(read_run(bag)).rest
 
 
 def test_force_that_was_withheld_is_told_with_its_time_and_cause(tmp_path):

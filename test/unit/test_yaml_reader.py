@@ -111,6 +111,21 @@ def test_aliases_within_aliases_end_at_a_limit():
     text = "a0: &a0 [1, 1]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 60))
     with pytest.raises(ValueError, match=f"the file holds more than {MOST} values, its aliases followed"):
         loads(text)
+    text = "a0: &a0 {k: 1}\n" + "".join(
+        f"a{i}: &a{i} {{<<: [{', '.join([f'*a{i - 1}'] * 9)}]}}\n" for i in range(1, 60)
+    )
+    assert loads(text)["a59"] == {"k": 1}, "what merges name twice is one"
+    depth = "[" * 90, "]" * 90
+    text = f"a0: &a0 {depth[0]}{depth[1]}\n" + "".join(
+        f"a{i}: &a{i} {depth[0]}*a{i - 1}{depth[1]}\n" for i in range(1, 60)
+    )
+    with pytest.raises(ValueError, match="aliases nest values too deep"):
+        loads(text)
+
+
+def test_a_tag_that_is_written_makes_no_merge_key():
+    for ros in (False, True):
+        assert loads("x: {!!merge y: {a: 1}}", ros=ros) == {"x": {"y": {"a": 1}}}
 
 
 def test_a_file_that_cannot_be_read_is_named_with_the_reason(tmp_path):

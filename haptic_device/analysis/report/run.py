@@ -308,7 +308,8 @@ class Run:
         for index, name in enumerate(AXES):
             position = blocks(self.rows["position"][:, index])
             force = -blocks(self.rows["force_on_handle"][:, index].astype(float))
-            parts[name] = position, np.gradient(position, time), force
+            with np.errstate(divide="ignore", invalid="ignore"):  # where time stands still: no number
+                parts[name] = position, np.gradient(position, time), force
         return time, parts
 
     @cached_property
