@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
-from pydantic_core import ErrorDetails
 
 from haptic_device.config_files import nearest
 
@@ -62,7 +61,7 @@ def sentences(
     return [*(sentence for _, sentence in mistyped), *others]
 
 
-def _echo(error: ErrorDetails) -> bool:
+def _echo(error: Mapping[str, Any]) -> bool:
     """Whether pydantic calls something too short only because the items that it had were wrong."""
     return error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]
 
@@ -93,7 +92,7 @@ def _nested(annotation: Any) -> list[Any]:
     return [annotation, *(inner for part in get_args(annotation) for inner in _nested(part))]
 
 
-def _mistyped(error: ErrorDetails, path: str, parts: list[type[Part]], unit: str) -> tuple[Place, str]:
+def _mistyped(error: Mapping[str, Any], path: str, parts: list[type[Part]], unit: str) -> tuple[Place, str]:
     """The place that is meant by a mistyped key, and the sentence that says so."""
     *before, key = error["loc"]
     known = [name for part in parts for name, _ in _keys(part)]
@@ -102,7 +101,7 @@ def _mistyped(error: ErrorDetails, path: str, parts: list[type[Part]], unit: str
     return (*before, near), _about(path.removesuffix(str(key)).removesuffix("."), f"has no key {str(key)!r}; {told}")
 
 
-def _sentence(error: ErrorDetails, path: str, unit: str) -> str:
+def _sentence(error: Mapping[str, Any], path: str, unit: str) -> str:
     if error["type"] == "missing":
         return f"{path} is missing; add it"
     said = error["msg"].removeprefix("Value error, ")
