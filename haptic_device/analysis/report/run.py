@@ -302,9 +302,10 @@ class Run:
         def blocks(values: Array) -> Array:
             return values[:count].reshape(-1, AVERAGED).mean(axis=1)
 
-        time, parts = blocks(self.seconds), {}
+        time = blocks(self.seconds)
         if len(time) < 2:
-            return time, parts
+            return time, {}
+        parts = {}
         for index, name in enumerate(AXES):
             position = blocks(self.rows["position"][:, index])
             force = -blocks(self.rows["force_on_handle"][:, index].astype(float))
