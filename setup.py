@@ -18,9 +18,9 @@ ROS = [
 ]
 DATAFRAME = ["pandas>=2.2", "polars>=1.0"]
 BENCH = [
-    "Box2D>=2.3.10",
     "mujoco>=4",
     "pillow>=10.1",
+    "pyb2d3>=0.11.1",
 ]
 SWEEP = ["distributed>=2024.8"]
 BROWSER = [

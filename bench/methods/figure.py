@@ -7,7 +7,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from bench.methods.measure import Run
 from bench.methods.table import default_of, fronts, nearest, scenes_of
-from bench.methods.world import title
+from bench.methods.world import label
 from haptic_device.analysis.palette import BLACK, METHODS, PEERS
 
 LOOKS = METHODS | PEERS
@@ -51,7 +51,7 @@ def _panel(axes, runs):
     for name, front in fronts(runs).items():
         if front:
             points = [(item.error, 1e3 * item.wall) for item in front]
-            (drawn[title(name)],) = axes.plot(
+            (drawn[label(name)],) = axes.plot(
                 *zip(*points, strict=True), **LOOKS[name].line, linewidth=1.2, markersize=5, clip_on=False
             )
     if shown and shown.counts:

@@ -22,7 +22,7 @@ OURS = tuple(METHODS)
 NAMES = (*OURS, *PEERS)
 _TITLES = {  # of a peer: name and package of its library, and what of it is meant
     "pymunk": ("pymunk", "pymunk", ""),
-    "box2d": ("Box2D", "Box2D", ""),
+    "box2d": ("Box2D", "pyb2d3", ""),
     "mujoco_rk4": ("MuJoCo", "mujoco", " RK4"),
     "mujoco_implicit": ("MuJoCo", "mujoco", " implicit"),
 }
@@ -57,14 +57,21 @@ def missing(name: str) -> str | None:
 
 
 def version(name: str) -> str:
-    """Name of a peer's library and its version; of a method its name."""
+    """Name of a peer's library and its version, or that of its bindings; of a method its name."""
     if name not in PEERS:
         return name
     library, package, _ = _TITLES[name]
     try:
-        return f"{library} {importlib.metadata.version(package)}"
+        found = importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:  # a table of runs made elsewhere
         return library
+    return f"{library} {found}" if package == library.casefold() else f"{library} of {package} {found}"
+
+
+def label(name: str) -> str:
+    """Method or peer without a version, which stored runs do not tell."""
+    library, _, variant = _TITLES.get(name, (name, "", ""))
+    return library + variant
 
 
 def title(name: str) -> str:

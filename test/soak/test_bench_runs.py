@@ -9,7 +9,7 @@ from bench.reference.case import case
 from bench.reference.reference import reference
 from haptic_sim.error_metrics import STABLE
 
-PACKAGES = {"box2d": "Box2D", "mujoco_rk4": "mujoco", "mujoco_implicit": "mujoco"}  # of the peers that are optional
+PACKAGES = {"box2d": "pyb2d3", "mujoco_rk4": "mujoco", "mujoco_implicit": "mujoco"}  # of the peers that are optional
 
 
 @pytest.mark.parametrize("peer", world.PEERS)
