@@ -104,7 +104,7 @@ class Simulation:
 
 def test_a_method_has_the_number_that_bags_have_of_it_and_one_that_is_no_more_has_a_name_still():
     assert law.METHODS == {"direct": 0, "pspm": 2, "local": 3} and tuple(law.METHODS) == EXCHANGE_METHODS
-    assert [law.name_of(number) for number in (1, 2)] == ["number 1", "pspm"]
+    assert [law.name_of(number) for number in (1, 2, 9)] == ["wave", "pspm", "number 9"]
 
 
 SIDES = pytest.mark.parametrize("side", [Driver, Simulation])
