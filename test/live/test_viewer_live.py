@@ -18,8 +18,8 @@ from haptic_device.nodes import messages
 from haptic_device.nodes.polled_subscription import PolledSubscription
 from haptic_device.nodes.ros_parameters import declare
 from haptic_device.recording.layouts import JOINTS, JointLayout
+from haptic_sim import node_parameters
 from haptic_sim.client import Client
-from haptic_sim.node_parameters import NODES
 from haptic_sim.service_requests import get_parameters
 from haptic_sim.viewer import hand as hand_of_a_page
 from haptic_sim.viewer import viewer
@@ -64,7 +64,7 @@ def shown(ros_domain):
     rclpy.init(context=context, domain_id=ros_domain, signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("haptic_viewer", namespace="/haptic", context=context)
     try:
-        yield viewer.Viewer(node, declare(node, NODES["haptic_viewer"]) | {"port": 0}), context
+        yield viewer.Viewer(node, declare(node, node_parameters.NODES["haptic_viewer"]) | {"port": 0}), context
     finally:
         node.destroy_node()
         context.shutdown()
