@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene in Box2D 3 (pyb2d3): its best settings, and as the coupling a soft weld from a kinematic handle to the tool.
+"""A scene in Box2D 3 at its best settings; the coupling is a soft weld from a kinematic handle to the tool.
 
 That weld is a spring and damper by backward difference, what section 4 of the paper asks for; its mouse joint does not
-turn. Box2D's sines and angles err by 1e-4, so they are made here; its numbers have 24 bits.
+turn. pyb2d3 0.11.1 has Box2D 3.1.1, whose sines and angles err by 1e-4: they are made here.
+Its numbers have 24 bits.
 """
 
 import math

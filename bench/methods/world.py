@@ -22,7 +22,7 @@ OURS = tuple(METHODS)
 NAMES = (*OURS, *PEERS)
 _TITLES = {  # of a peer: name and package of its library, and what of it is meant
     "pymunk": ("pymunk", "pymunk", ""),
-    "box2d": ("Box2D", "pyb2d3", ""),
+    "box2d": ("Box2D 3", "pyb2d3", ""),
     "mujoco_rk4": ("MuJoCo", "mujoco", " RK4"),
     "mujoco_implicit": ("MuJoCo", "mujoco", " implicit"),
 }

@@ -121,3 +121,5 @@ def test_a_peer_is_told_ahead_only_at_errors_at_which_it_is_faster_than_the_best
     runs = [Run("wall", "single contact", name, 100, wall, error, 0.0, 1.0, 0.0, STABLE) for name, error, wall in made]
     assert [lead[1:] for lead in table.leads(runs)] == [("pymunk", 1e-3, 1e-3, 2.0)]
     assert table.leads(runs[2:])[0].times == float("inf")
+    for wall, count in ((0.02 / 1.04, 0), (0.02 / 1.06, 1)):
+        assert len(table.leads([runs[0], runs[2]._replace(wall=wall)])) == count
