@@ -6,6 +6,7 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "haptic_display"
+PACKAGES = ("haptic_device", "haptic_sim", "haptic_display")
 SHARE = f"share/{NAME}"
 README = Path(__file__).resolve().parent / "README.md"  # colcon build --symlink-install runs this elsewhere
 
@@ -83,13 +84,12 @@ setup(
     maintainer_email="maintainers@haptic-display.example",
     license="Apache-2.0",
     python_requires=">=3.11",
-    packages=find_packages(include=["haptic_device", "haptic_device.*", "haptic_sim", "haptic_sim.*"]),
+    packages=find_packages(include=[f"{name}{below}" for name in PACKAGES for below in ("", ".*")]),
     package_data={
-        "haptic_device": ["py.typed"],
-        "haptic_sim": ["py.typed"],
-        "haptic_sim.film": ["web/*"],
+        **{name: ["py.typed"] for name in PACKAGES},
+        "haptic_display.page.film": ["web/*"],
         "haptic_sim.reduction": ["*.csv"],
-        "haptic_sim.viewer": ["web/*"],
+        "haptic_display.page": ["web/*"],
     },
     data_files=installed_files(),
     zip_safe=False,
@@ -125,13 +125,13 @@ setup(
     },
     entry_points={
         "console_scripts": [
-            "haptic = haptic_sim.cli.main:main",
+            "haptic = haptic_display.cli.main:main",
             "haptic_bridge = haptic_device.nodes:haptic_bridge",
             "haptic_driver = haptic_device.nodes:haptic_driver",
             "haptic_loopback = haptic_device.nodes:haptic_loopback",
             "haptic_recorder = haptic_device.nodes:haptic_recorder",
             "haptic_simulation = haptic_sim.node:haptic_simulation",
-            "haptic_viewer = haptic_sim.viewer:haptic_viewer",
+            "haptic_viewer = haptic_display.page:haptic_viewer",
         ],
     },
 )

@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from haptic_sim.cli.main import ending_in_a_sentence
+from haptic_display.cli.main import ending_in_a_sentence
 
 COMMANDS = {  # name: (module with a `main`, what it measures)
     "all": ("bench.all", "the short or the full form of nine of these into a folder, and the one table made of it"),

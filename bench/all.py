@@ -15,7 +15,7 @@ from bench import results
 from bench.jobs import listed
 from bench.results import MACHINE
 from haptic_device.process import ending_with_us, own_environment, running_module
-from haptic_device.provenance import facts
+from haptic_device.recording.provenance import facts
 
 MARKS = "<!-- benchmarks: python -m bench all -->", "<!-- end of benchmarks -->"
 BENCHMARKS = {  # name: words for a short run, for a full one

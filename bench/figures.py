@@ -22,10 +22,11 @@ from bench.reference.closed_forms import (
     wall_damping_for_any_simulation,
 )
 from bench.theory import mu_threshold
-from haptic_device.analysis import passivity_figure, zwidth_figure, zwidth_map
-from haptic_device.analysis.assessment import Display
-from haptic_device.analysis.delay import delayed_demand, wall_damping_needed
-from haptic_device.analysis.palette import (
+from haptic_device.control.passivity import coupling_damping, energy_booked, least_damping
+from haptic_device.theory import passivity_figure, zwidth_figure, zwidth_map
+from haptic_device.theory.assessment import Display
+from haptic_device.theory.delay import delayed_demand, wall_damping_needed
+from haptic_device.theory.palette import (
     BLACK,
     BLUE,
     DASHED,
@@ -37,10 +38,9 @@ from haptic_device.analysis.palette import (
     SOLID,
     VERMILION,
 )
-from haptic_device.analysis.passivity_figure import draw_map
-from haptic_device.analysis.transfer import wall_transfer
-from haptic_device.analysis.zwidth import Setup
-from haptic_device.control.passivity import coupling_damping, energy_booked, least_damping
+from haptic_device.theory.passivity_figure import draw_map
+from haptic_device.theory.transfer import wall_transfer
+from haptic_device.theory.zwidth import Setup
 
 ROOT = Path(__file__).parents[1]
 STORED = ROOT / "docs" / "benchmarks"

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import typer
 
-from haptic_device.analysis.sweep import spread
-from haptic_sim.cli.progress import progress
-from haptic_sim.supervision.processes import NodeDiedError, interruptible
+from haptic_device.theory.sweep import spread
+from haptic_display.cli.progress import progress
+from haptic_display.run.processes import NodeDiedError, interruptible
 
 WORKERS = "Processes at once [one a core]."
 

@@ -11,11 +11,11 @@ from bench.reference.closed_forms import (
     lagged_wall_damping,
     wall_damping,
 )
-from haptic_device.analysis.mu import mu_margin
-from haptic_device.analysis.passivity import least_damping
-from haptic_device.analysis.stability import largest_stable_stiffness
-from haptic_device.analysis.transfer import wall_transfer
-from haptic_device.analysis.zwidth import Operator, Setup
+from haptic_device.theory.mu import mu_margin
+from haptic_device.theory.passivity import least_damping
+from haptic_device.theory.stability import largest_stable_stiffness
+from haptic_device.theory.transfer import wall_transfer
+from haptic_device.theory.zwidth import Operator, Setup
 
 DRAWS = 2000
 

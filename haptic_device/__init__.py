@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The device side of the haptic display: laws, analysis, run time and ROS nodes. Never imports haptic_sim."""
+"""What moves a handle: laws, servo, links, nodes, recordings, theory. Never imports haptic_sim or haptic_display."""

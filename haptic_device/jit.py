@@ -6,7 +6,7 @@ unseen. Here the cache folder's name is a digest of the package's sources, of wh
 looks at these), of numba, of python and of the CPU: any change is a new folder.
 
 Compiling takes all of a core for many seconds, and some hundred MB that stay. `haptic compile` does it in processes of
-its own; `ensure_compiled(...)` runs that command where an entry (haptic_sim/kernels.py) is not in the cache yet.
+its own; `ensure_compiled(...)` runs that command where an entry (of haptic_display/run/kernels.py) is missing there.
 """
 
 import contextlib
@@ -28,7 +28,7 @@ import llvmlite.binding
 from haptic_device.process import ending_with_us, held, own_environment, running_module
 
 ROOT = Path(__file__).resolve().parent.parent
-WITHOUT_KERNELS = {"cli", "client.py", "film", "service_requests.py", "supervision", "viewer"}  # no kernel needs them
+SOURCES = {"haptic_device": "*.py", "haptic_sim": "*.py", "haptic_display/run": "kernels.py"}  # that kernels need
 DONE = ".done"  # ends the name of an empty file for each entry that is in the cache
 KEPT = 4  # folders; older ones are removed
 ROOM = 32 * 2**20  # bytes that must be free: all kernels take less
@@ -71,7 +71,7 @@ def ensure_compiled(*entries, told=()):
     """
     if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0" or not (left := missing(entries)):
         return
-    command = ending_with_us([*running_module("haptic_sim.cli.main"), "compile", *left])
+    command = ending_with_us([*running_module("haptic_display.cli.main"), "compile", *left])
     silent = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL}
     with contextlib.ExitStack() as ending:
         with held():
@@ -137,10 +137,9 @@ def _place():
 def digest() -> str:
     """Of all that compiled kernels depend on; 16 hexadecimal digits."""
     facts = hashlib.sha256(repr((version("numba"), sys.version, llvmlite.binding.get_host_cpu_name())).encode())
-    for package in ("haptic_device", "haptic_sim"):
-        for source in sorted((ROOT / package).rglob("*.py")):
-            if WITHOUT_KERNELS.isdisjoint(source.relative_to(ROOT).parts):
-                facts.update(f"{source} {source.stat().st_mtime_ns}".encode() + source.read_bytes())
+    for folder, files in SOURCES.items():
+        for source in sorted((ROOT / folder).rglob(files)):
+            facts.update(f"{source} {source.stat().st_mtime_ns}".encode() + source.read_bytes())
     return facts.hexdigest()[:16]
 
 

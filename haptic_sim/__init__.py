@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated side of the haptic display: scenes, simulation methods, its node, and the `haptic` command."""
+"""What simulates in the haptic display: scenes, simulation methods, the node, and runs without a clock."""

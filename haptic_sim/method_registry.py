@@ -14,7 +14,7 @@ class Entry(NamedTuple):
 
     Attributes:
         where: its class, as `module:name`.
-        kernels: entries of haptic_sim/kernels.py that it needs.
+        kernels: entries of haptic_display/run/kernels.py that it needs.
         offered: whether scenes may ask for it.
 
     Examples:

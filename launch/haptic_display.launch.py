@@ -23,8 +23,8 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.utilities import prefix_namespace
 from lifecycle_msgs.msg import Transition
 
-from haptic_device.config_files import find, find_beside
-from haptic_device.yaml_reader import load
+from haptic_device.config.files import find, find_beside
+from haptic_device.config.yaml_reader import load
 from haptic_sim.scene.motion import flat_motion
 
 RVIZ = Path(__file__).parents[1] / "config/layouts/haptic.rviz"

@@ -4,10 +4,10 @@
 import numpy as np
 from lockstep_systems import device, values
 
-from haptic_device import controller_config, gain_check
+from haptic_device.control import controller_config, gain_check
 from haptic_device.control.records import TRACE_ROW
 from haptic_device.control.virtual_coupling import spring_store
-from haptic_sim.replay.lockstep import Lockstep
+from haptic_sim.lockstep.lockstep import Lockstep
 
 RATE, FORCE = 1000.0, 3.0  # [Hz], [N] of the hand on the wall
 WIDE = {"workspace": (-10.0, 10.0), "motor_limit": 15.0}

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device import description, yaml_reader
+from haptic_device.config import description, yaml_reader
+from haptic_device.config.link_registry import LINKS
 from haptic_device.link import codec
 from haptic_device.link.codec import COMMAND, CUT, DUE, IDLE, OPENED
-from haptic_device.link_registry import LINKS
 
 DEVICES = Path(__file__).parents[1] / "config/devices"
 EMULATORS = Path(__file__).parent / "emulators"

@@ -15,7 +15,7 @@ from haptic_device.jit import ensure_compiled
 from haptic_device.process import ending_with_us
 from haptic_device.realtime import machine
 from haptic_device.realtime.servo_thread import PRIORITY
-from haptic_sim.supervision.domain import isolated_domain
+from haptic_display.run.domain import isolated_domain
 
 # Read when numpy is first imported: its matrices here are small, and on a busy machine threads wait for one another.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -49,7 +49,7 @@ def pytest_collection_finish(session):
 def pytest_runtestloop(session):
     """All tests run on kernels in the cache, as by `make check`: a test that compiled would spend its limit on it."""
     if len(session.items) > MANY and not session.config.option.collectonly:
-        from haptic_sim.kernels import ENTRIES
+        from haptic_display.run.kernels import ENTRIES
 
         ensure_compiled(*ENTRIES)
 

@@ -12,13 +12,13 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 from waiting import LIMIT
 
+from haptic_device.config.parameters import DRIVER
 from haptic_device.control import exchange_samples
 from haptic_device.message_fields import AXES, exchange_names, truth_names
 from haptic_device.nodes import messages
-from haptic_device.parameters import DRIVER
 from haptic_device.recording.layouts import DIAGNOSTICS, JOINTS, JointLayout
-from haptic_sim import client
-from haptic_sim.service_requests import (
+from haptic_display import client
+from haptic_display.service_requests import (
     Question,
     RefusedError,
     change_state,

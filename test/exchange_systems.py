@@ -6,13 +6,12 @@ from lockstep_systems import device, values
 from ticks import tick
 
 from adversary import exchange_search as adversary
-from haptic_device import controller_config
-from haptic_device.control import enable_state, faults, virtual_coupling
-from haptic_device.description import load_device
+from haptic_device.config.description import load_device
+from haptic_device.control import controller_config, enable_state, faults, virtual_coupling
 from haptic_sim.exchange.port import port_of
 from haptic_sim.exchange.simulation import Simulation
+from haptic_sim.lockstep.lockstep import PERFECT, Lockstep
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.replay.lockstep import PERFECT, Lockstep
 from haptic_sim.scene.language import load
 
 GAINS = {

@@ -8,8 +8,7 @@ import numpy as np
 from lockstep_systems import device, values
 from ticks import tick
 
-from haptic_device import controller_config
-from haptic_device.control import enable_state, faults, records
+from haptic_device.control import controller_config, enable_state, faults, records
 
 PERIOD = 1 / 4000.0
 WALL = {"wall__normals": (1.0, 0.0), "wall__offsets": (0.0,), "wall__stiffness": (1000.0,), "wall__damping": (0.0,)}

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from bench import __main__ as measurements
-from haptic_sim.cli.main import main
+from haptic_display.cli.main import main
 
 
 def haptic(*words):

@@ -16,7 +16,7 @@ from haptic_device.process import ending_with_us
 from haptic_device.realtime import shared_memory
 
 ROOT = Path(__file__).resolve().parents[1]
-HAPTIC = [sys.executable, "-m", "haptic_sim.cli.main"]
+HAPTIC = [sys.executable, "-m", "haptic_display.cli.main"]
 SCRIPTS = sorted((ROOT / "scripts").iterdir())
 BUSY = ("--params", str(ROOT / "test" / "busy.yaml"))
 

@@ -16,7 +16,7 @@ from waiting import exit_code, output
 
 from haptic_device.process import ending_with_us
 from haptic_device.realtime import shared_memory
-from haptic_sim.supervision.processes import parameter_text
+from haptic_display.run.processes import parameter_text
 
 MODULES = {
     "haptic_driver": "haptic_device.nodes.driver",

@@ -24,8 +24,7 @@ from numba import types
 from numba.typed import List
 from ticks import tick
 
-from haptic_device import controller_config, gain_check
-from haptic_device.control import enable_state, records
+from haptic_device.control import controller_config, enable_state, gain_check, records
 from haptic_device.jit import kernel
 from haptic_device.link import bridge_loop, codec, haply, moteus, open_serial, open_udp
 from haptic_device.realtime import hardware_interface, shared_memory

@@ -3,10 +3,10 @@
 
 import numpy as np
 
-from haptic_device.description import load_device
-from haptic_device.parameter_types import defaults
-from haptic_device.parameters import NODES
-from haptic_sim.replay.lockstep import Lockstep
+from haptic_device.config.description import load_device
+from haptic_device.config.parameter_types import defaults
+from haptic_device.config.parameters import NODES
+from haptic_sim.lockstep.lockstep import Lockstep
 
 
 def values(node, **given):

@@ -9,7 +9,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from haptic_device.config_files import find
+from haptic_device.config.files import find
 
 FIRMWARE = Path(__file__).parents[1] / "firmware"
 WATCHDOG, LONGER = "WATCHDOG INT64_C(15000000)", "WATCHDOG INT64_C(500000000)"  # [ns] of the example of a device

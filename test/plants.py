@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import firmware_builds
 import numpy as np
 
-from haptic_device.description import SUB_STEP
+from haptic_device.config.description import SUB_STEP
 from haptic_device.device import operator_hand, plant
 
 FREE = (0.1, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

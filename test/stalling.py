@@ -3,14 +3,14 @@
 
 import numpy as np
 
-from haptic_device.description import load_device
+from haptic_device.config.description import load_device
+from haptic_device.config.parameter_types import defaults
+from haptic_device.config.parameters import NODES
 from haptic_device.device import simulated_device
-from haptic_device.parameter_types import defaults
-from haptic_device.parameters import NODES
 from haptic_sim.exchange.port import port_of
 from haptic_sim.exchange.simulation import Simulation
+from haptic_sim.lockstep.lockstep import Lockstep, Network
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.replay.lockstep import Lockstep, Network
 from haptic_sim.scene.language import load
 
 SECONDS = 3.0  # of a press, 2 cm through free space before it

@@ -5,7 +5,7 @@ import time
 
 from live_nodes import HOLDING
 
-from haptic_sim.service_requests import set_parameters
+from haptic_display.service_requests import set_parameters
 
 WALL = {"wall.normals": [1.0, 0.0], "wall.offsets": [-0.01], "wall.stiffness": [400.0], "wall.damping": [0.0]}
 WALL |= {"coupling.stiffness": 100.0, "coupling.damping": 0.1, **HOLDING}

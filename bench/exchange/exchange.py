@@ -12,9 +12,9 @@ import typer
 
 from bench.exchange.motion import CIRCLE, PRESS, SECONDS, run, stiffness
 from bench.jobs import WORKERS, Kept, deaths_told, markdown, sweep
-from haptic_device.parameters import EXCHANGE_METHODS, OPERATING_POINT
-from haptic_sim.cli.progress import INTERRUPTED
-from haptic_sim.replay.lockstep import Network
+from haptic_device.config.parameters import EXCHANGE_METHODS, OPERATING_POINT
+from haptic_display.cli.progress import INTERRUPTED
+from haptic_sim.lockstep.lockstep import Network
 
 _DELAYS, _RATES = "Round trip (ms) [0 1 2 5 10 20 50 100].", "Handle samples a second [1000]."
 _CSV = "CSV file for the figures, each as it comes; cases that are in it are not done again."

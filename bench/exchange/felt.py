@@ -9,10 +9,10 @@ from scipy.signal import savgol_filter
 from bench.exchange import motion
 from bench.reference import peg
 from haptic_device.control.tool_contacts import LEAVING
+from haptic_sim.lockstep.lockstep import Network
 from haptic_sim.method_registry import make
 from haptic_sim.protocol import Coupling, held
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.replay.lockstep import Network
 from haptic_sim.scene.language import Scene, load
 
 SMOOTHED = 0.1  # [s] of the polynomial that drag and mass are read from

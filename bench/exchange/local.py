@@ -8,7 +8,7 @@ import typer
 
 from bench.exchange.felt import NETWORKS, Felt, compare, insertion, measure
 from bench.jobs import deaths_told, markdown
-from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_device.config.parameters import EXCHANGE_METHODS
 
 TASKS = ("wall", "corner", "peg_in_hole", "wrench_on_nut", "push_block")
 DEPTHS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # [m] of the peg in Fig. 5

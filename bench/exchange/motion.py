@@ -9,22 +9,22 @@ from typing import NamedTuple
 import numpy as np
 import yaml
 
-from haptic_device.analysis.report.conditions import period
-from haptic_device.analysis.report.run import Run
-from haptic_device.analysis.report.summary import energy_to_operator, engaged_rows, faults, given_to_tool
-from haptic_device.config_files import find
-from haptic_device.description import load_device
-from haptic_device.parameter_files import read_operating_point
-from haptic_device.parameter_types import defaults
+from haptic_device.config.description import load_device
+from haptic_device.config.files import find
+from haptic_device.config.parameter_files import read_operating_point
+from haptic_device.config.parameter_types import defaults
 from haptic_device.recording import load as load_recording
-from haptic_sim.cli.demo import play
+from haptic_display.cli.demo import play
+from haptic_display.run.processes import interruptible
+from haptic_display.run.report.conditions import period
+from haptic_display.run.report.run import Run
+from haptic_display.run.report.summary import energy_to_operator, engaged_rows, faults, given_to_tool
+from haptic_display.run.system import Order, Relay
 from haptic_sim.exchange.simulation import Simulation
-from haptic_sim.node_parameters import NODES
+from haptic_sim.lockstep.lockstep import Lockstep
+from haptic_sim.node.parameters import NODES
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.replay.lockstep import Lockstep
 from haptic_sim.scene.language import load
-from haptic_sim.supervision.processes import interruptible
-from haptic_sim.supervision.system import Order, Relay
 
 SECONDS = 3.0
 PATIENT = {"exchange.hold": 0.5, "exchange.fade": 0.5}  # a study of long delays does not let the tool go

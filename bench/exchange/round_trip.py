@@ -13,9 +13,9 @@ import typer
 
 from bench.jobs import deaths_told, markdown
 from bench.servo.load import cores
-from haptic_sim.supervision.domain import isolated_domain
-from haptic_sim.supervision.processes import Nodes, Program, interruptible
-from haptic_sim.supervision.tuning import Tuning
+from haptic_display.device_tools.tuning import Tuning
+from haptic_display.run.domain import isolated_domain
+from haptic_display.run.processes import Nodes, Program, interruptible
 
 RATES = (500.0, 1000.0, 2000.0)  # [Hz]
 SECONDS, TURNS = 4.0, 5

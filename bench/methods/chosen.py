@@ -9,8 +9,8 @@ import typer
 from bench.methods import hard_cases
 from bench.reference.case import NAMES, case
 from bench.reference.reference import reference
-from haptic_sim.cli.scenes import ALL, verify_scenes
-from haptic_sim.verify import LOOK, case_of, verify
+from haptic_display.cli.scenes import ALL, verify_scenes
+from haptic_sim.lockstep.verify import LOOK, case_of, verify
 
 
 def main(

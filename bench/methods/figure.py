@@ -8,7 +8,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 from bench.methods.measure import Run
 from bench.methods.table import default_of, fronts, nearest, scenes_of
 from bench.methods.world import label
-from haptic_device.analysis.palette import BLACK, METHODS, PEERS
+from haptic_device.theory.palette import BLACK, METHODS, PEERS
 
 LOOKS = METHODS | PEERS
 WIDTH, DPI = 7.0, 150  # inches, dots an inch: narrow, so that text is large enough at half of the size

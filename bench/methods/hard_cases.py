@@ -18,15 +18,15 @@ from bench.jobs import markdown as as_table
 from bench.methods.table import default_method
 from bench.methods.world import Impossible, make, title
 from bench.reference.trial import jump, turned_scene
-from haptic_sim.cli.progress import INTERRUPTED
-from haptic_sim.error_metrics import Case
+from haptic_display.cli.progress import INTERRUPTED
+from haptic_sim.lockstep.error_metrics import Case
+from haptic_sim.lockstep.rollout import GAINS, hand, overlap_watch, rollout, way
+from haptic_sim.lockstep.verify import CREATED, LEAST, OVERLAP
 from haptic_sim.protocol import Coupling
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.rollout import GAINS, hand, overlap_watch, rollout, way
 from haptic_sim.scene.geometry import framed
 from haptic_sim.scene.language import load
 from haptic_sim.scene.shapes import TOOL
-from haptic_sim.verify import CREATED, LEAST, OVERLAP
 
 HEAD = (
     "# Hard cases\n\n`python -m bench hard_cases` writes this page. Each scene is turned to several positions, and a "

@@ -15,12 +15,12 @@ from typing import Annotated, NamedTuple
 import typer
 
 from bench.jobs import WORKERS, Kept, listed, read_csv, sweep
-from haptic_device.config_files import names
+from haptic_device.config.files import names
 from haptic_sim.exchange.port import port_of
 from haptic_sim.exchange.simulation import HandleSample, Simulation
+from haptic_sim.lockstep.rollout import EXCHANGE_NS, GAINS, hand
 from haptic_sim.method_registry import METHODS
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.rollout import EXCHANGE_NS, GAINS, hand
 from haptic_sim.scene.language import load
 
 PORTS = ("direct", "pspm")

@@ -10,8 +10,8 @@ import math
 from typing import NamedTuple
 
 from bench.methods.world import Impossible, make
-from haptic_sim.error_metrics import LOST, STABLE, UNSTABLE, Case, Reference, judge
-from haptic_sim.rollout import rollout
+from haptic_sim.lockstep.error_metrics import LOST, STABLE, UNSTABLE, Case, Reference, judge
+from haptic_sim.lockstep.rollout import rollout
 
 REPEATS, ENOUGH = 5, 0.25  # times, s
 

@@ -29,7 +29,7 @@ REACH = 1.0  # m, half the length of a half-plane; more costs digits
 
 
 class World:
-    """Implements `haptic_sim.rollout.LedWorld`."""
+    """Implements `haptic_sim.lockstep.rollout.LedWorld`."""
 
     def __init__(self, scene: Scene, sub_step: float):
         self._scene, self._step, self._unit = scene, sub_step, sub_step * RATE / SUB_STEPS

@@ -14,7 +14,7 @@ from bench.methods.measure import Run, run
 from bench.methods.world import PEERS, title, version
 from bench.reference.case import NAMES, case
 from bench.reference.reference import reference
-from haptic_sim.cli.progress import INTERRUPTED
+from haptic_display.cli.progress import INTERRUPTED
 
 SHORT = ("pendulum", "four_bar", "wall", "zeno_ball", "push_block", "peg_in_hole")
 STEPS, SHORT_STEPS = (50000, 25000, 10000, 5000, 2500, 1000, 500, 250, 100, 50, 25), (10000, 1000, 250)  # µs

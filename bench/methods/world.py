@@ -6,10 +6,10 @@ import importlib.metadata
 
 import numpy as np
 
+from haptic_sim.lockstep.rollout import LedWorld
 from haptic_sim.method_registry import METHODS
 from haptic_sim.method_registry import make as make_method
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.rollout import LedWorld
 from haptic_sim.scene.language import Scene
 
 PEERS = {

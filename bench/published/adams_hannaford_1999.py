@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from haptic_device.analysis.transfer import wall_transfer
+from haptic_device.theory.transfer import wall_transfer
 
 DAMPINGS = 0.0, 0.25, 1.0
 """B/(KT)."""

@@ -3,8 +3,8 @@
 
 import numpy as np
 
-from haptic_device.analysis.zwidth import OPERATORS, Setup, record_of
 from haptic_device.device import wall_tapping
+from haptic_device.theory.zwidth import OPERATORS, Setup, record_of
 
 
 def stiffest(setup: Setup, stiffness: np.ndarray, damping: np.ndarray, hand: str = "light") -> np.ndarray:

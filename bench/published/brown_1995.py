@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A wall whose velocity passes a filter of first order needs less damping of the device."""
 
-from haptic_device.analysis.passivity import least_damping
-from haptic_device.analysis.transfer import wall_transfer
+from haptic_device.theory.passivity import least_damping
+from haptic_device.theory.transfer import wall_transfer
 
 WALLS = (0.25, 1.0), (1.0, 1.0), (1.0, 5.0), (-0.25, 5.0)
 """B/(KT) and τ/T."""

@@ -4,7 +4,7 @@
 import numpy as np
 
 from bench.published.at_rest import stiffest
-from haptic_device.analysis.zwidth import Setup
+from haptic_device.theory.zwidth import Setup
 
 HANDLE = Setup(mass=0.1, physical_damping=0.5, period=2e-4, coulomb=0.1, resolution=2e-5, seconds=0.5)
 STIFFNESS, DAMPING = np.geomspace(300.0, 6e4, 30), np.linspace(0.0, 30.0, 16)

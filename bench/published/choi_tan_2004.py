@@ -4,7 +4,7 @@
 import numpy as np
 
 from bench.published.at_rest import stiffest
-from haptic_device.analysis.zwidth import Setup
+from haptic_device.theory.zwidth import Setup
 
 HANDLE = Setup(mass=0.075, physical_damping=0.005, period=1e-3, coulomb=0.04, resolution=3e-5)
 RATES = 40e3, 250.0

@@ -4,9 +4,9 @@
 from adversary.wall_search import Display, search
 from bench.reference.boundary import boundary_stiffness
 from bench.theory import mu_threshold
-from haptic_device.analysis.passivity import least_damping
-from haptic_device.analysis.transfer import wall_transfer
-from haptic_device.analysis.zwidth import OPERATORS, Setup
+from haptic_device.theory.passivity import least_damping
+from haptic_device.theory.transfer import wall_transfer
+from haptic_device.theory.zwidth import OPERATORS, Setup
 
 DAMPINGS = 0.0, 0.25, 1.0, -0.25, -1.0
 """B/(KT)."""

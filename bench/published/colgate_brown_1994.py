@@ -3,8 +3,8 @@
 
 import numpy as np
 
-from haptic_device.analysis.assessment import coulomb_friction_needed
-from haptic_device.analysis.delay import largest_passive_stiffness
+from haptic_device.theory.assessment import coulomb_friction_needed
+from haptic_device.theory.delay import largest_passive_stiffness
 
 DISPLAY = {"physical_damping": 0.5, "period": 1e-3, "resolution": 2e-5, "velocity_lag": 0.0}
 FRICTION = 0.1

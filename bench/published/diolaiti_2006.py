@@ -4,9 +4,9 @@
 import numpy as np
 
 from bench.published.at_rest import stiffest
-from haptic_device.analysis.delay import largest_passive_stiffness
-from haptic_device.analysis.zwidth import Setup
-from haptic_device.description import load_device
+from haptic_device.config.description import load_device
+from haptic_device.theory.delay import largest_passive_stiffness
+from haptic_device.theory.zwidth import Setup
 
 PERIOD = 1e-3
 """s."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The linear rule K < (b + B)/(T/2 + t_d) beside the exact boundary."""
 
-from haptic_device.analysis.stability import largest_stable_stiffness
+from haptic_device.theory.stability import largest_stable_stiffness
 
 LOOPS = (  # m [kg], b, B [N s/m], T [s], delay [T]: little damping, short delay
     (0.1, 0.5, 0.0, 1e-3, 0.0),

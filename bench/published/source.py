@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
 
-from haptic_device import yaml_reader
-from haptic_device.config_files import ConfigError
-from haptic_device.refusal import Part, sentences
+from haptic_device.config import yaml_reader
+from haptic_device.config.files import ConfigError
+from haptic_device.config.refusal import Part, sentences
 
 EXACT, SHAPE, ORDER = "exact", "shape", "order"
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]

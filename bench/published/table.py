@@ -26,7 +26,7 @@ from bench.published import (
     whitney_1982,
 )
 from bench.published.source import EXACT, ORDER, SHAPE, Result, Source, agrees, load, missing
-from haptic_device.config_files import ConfigError
+from haptic_device.config.files import ConfigError
 
 FOLDER = Path(__file__).parent
 HEADS = "source", "what", "published", "ours", "tolerance", "kind", "verdict"

@@ -6,10 +6,10 @@ from functools import cache
 import numpy as np
 from scipy.optimize import brentq
 
+from haptic_sim.lockstep.rollout import rollout
 from haptic_sim.protocol import Coupling
 from haptic_sim.pymunk_world.world import PymunkWorld
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.rollout import rollout
 from haptic_sim.scene.language import Scene
 
 WIDTH, HOLE, LENGTH = 0.02, 0.02002, 0.1

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a wall begins to shake in lock-step, and the walls that this is compared with the eigenvalues of."""
 
-from haptic_device.analysis.zwidth import SHAKING, run_cells
+from haptic_device.theory.zwidth import SHAKING, run_cells
 
 CASES = (  # m [kg], b [N s/m], B [N s/m], T [s], delay [T]
     (0.1, 0.5, 0.0, 1e-3, 0.0),

@@ -4,9 +4,9 @@
 import math
 
 from bench.reference.trial import turned_scene
-from haptic_sim.error_metrics import Case
+from haptic_sim.lockstep.error_metrics import Case
+from haptic_sim.lockstep.rollout import GAINS
 from haptic_sim.protocol import Coupling
-from haptic_sim.rollout import GAINS
 from haptic_sim.scene.language import load
 
 LOOK, LONG_LOOK = 10_000_000, 50_000_000

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Closed forms of the least physical damping b of a wall or coupling, where condition (1) has one.
 
-Written out here a second time, so that control/passivity and the search of analysis/passivity have something to be
+Written out here a second time, so that control/passivity and the search of theory/passivity have something to be
 compared with.
 K stiffness [N/m], B damping [N s/m], T period [s]; every function takes arrays and broadcasts.
 """
@@ -9,7 +9,7 @@ K stiffness [N/m], B damping [N s/m], T period [s]; every function takes arrays 
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from haptic_device.analysis.quantity import not_negative, positive, within
+from haptic_device.theory.quantity import not_negative, positive, within
 
 
 def wall_damping(stiffness, damping, period):

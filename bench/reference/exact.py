@@ -10,8 +10,8 @@ import numpy as np
 from scipy.special import ellipj, ellipk
 
 from bench.reference.exact_axis import Axis, axis_motion
-from haptic_sim.error_metrics import Case
-from haptic_sim.rollout import EXCHANGE_NS
+from haptic_sim.lockstep.error_metrics import Case
+from haptic_sim.lockstep.rollout import EXCHANGE_NS
 from haptic_sim.scene.geometry import turned
 
 

@@ -14,13 +14,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from haptic_sim.lockstep.rollout import rollout
 from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.method.penalty_explicit import PenaltyExplicit
 from haptic_sim.method.penalty_implicit import PenaltyImplicit
 from haptic_sim.protocol import Coupling
 from haptic_sim.pymunk_world.world import PymunkWorld
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.rollout import rollout
 from haptic_sim.scene.language import Scene
 
 HEIGHT, WIDTH, DEPTH = 0.1, 0.02, 0.25

@@ -13,7 +13,7 @@ import numpy as np
 from bench.reference import exact
 from bench.reference.case import case
 from bench.reference.exact_four_bar import four_bar
-from haptic_sim.error_metrics import Case, Reference, apart, solution
+from haptic_sim.lockstep.error_metrics import Case, Reference, apart, solution
 
 CLOSED = {
     "free_space": exact.free_space,

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from haptic_sim.exchange.simulation import Simulation
+from haptic_sim.lockstep.rollout import GAINS, Exchanged, hand, overlap_watch, rollout
 from haptic_sim.protocol import Coupling
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.rollout import GAINS, Exchanged, hand, overlap_watch, rollout
 from haptic_sim.scene.geometry import turned
 from haptic_sim.scene.joints import WORLD
 from haptic_sim.scene.language import Scene

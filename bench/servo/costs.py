@@ -10,20 +10,19 @@ import typer
 import yaml
 
 from bench.jobs import markdown
-from haptic_device import controller_config
-from haptic_device.analysis.zwidth import Setup
-from haptic_device.analysis.zwidth_map import Request, draw_map
-from haptic_device.config_files import find
-from haptic_device.control import records
-from haptic_device.description import load_device
+from haptic_device.config.description import load_device
+from haptic_device.config.files import find
+from haptic_device.control import controller_config, records
 from haptic_device.realtime import servo_loop, tick_replay
 from haptic_device.realtime.machine import cores
+from haptic_device.theory.zwidth import Setup
+from haptic_device.theory.zwidth_map import Request, draw_map
+from haptic_display.run.lateness import values
 from haptic_sim.exchange.port import port_of
 from haptic_sim.exchange.simulation import HandleSample, Simulation
+from haptic_sim.lockstep.rollout import EXCHANGE_NS, GAINS, Exchanged, hand, rollout, way
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.rollout import EXCHANGE_NS, GAINS, Exchanged, hand, rollout, way
 from haptic_sim.scene.language import load, parse
-from haptic_sim.supervision.lateness import values
 
 REPEATS = 7  # of which the fastest counts
 EXCHANGES = 600  # of which the first third is not counted

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from haptic_device.realtime.servo_thread import PRIORITY
-from haptic_sim.supervision.lateness import Lateness
+from haptic_display.run.lateness import Lateness
 
 MISSING = "cyclictest is not installed (Debian, Ubuntu: apt install rt-tests)"
 FAILED = f"cyclictest failed, perhaps for want of permission; `cyclictest -q -t1 -l1000 -m -p {PRIORITY}` says why"

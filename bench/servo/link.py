@@ -16,7 +16,7 @@ import typer
 
 from bench.jobs import markdown
 from bench.servo.link_rig import Pair, Rig
-from haptic_sim.supervision.processes import interruptible
+from haptic_display.run.processes import interruptible
 
 TRANSPORTS = "udp", "pty"
 RATES = (1000.0, 4000.0)  # [Hz]

@@ -19,7 +19,7 @@ from haptic_device.process import ending_with_us
 from haptic_device.realtime import atomic, clock, scheduling, shared_memory
 from haptic_device.realtime.hardware_interface import SharedMemoryInterface
 from haptic_device.realtime.seqlock import SeqLock
-from haptic_sim.supervision import reference_device
+from haptic_display.run import reference_device
 
 BRIDGE, SERVO = 85, 80  # priorities, those of haptic_bridge and haptic_driver
 WATCHDOG = 15_000_000  # [ns]

@@ -12,11 +12,11 @@ import psutil
 import typer
 
 from bench.jobs import deaths_told, markdown
-from haptic_device.config_files import find
-from haptic_sim.supervision.domain import isolated_domain
-from haptic_sim.supervision.prepare import prepare
-from haptic_sim.supervision.processes import Nodes, Program, interruptible
-from haptic_sim.supervision.tuning import Tuning
+from haptic_device.config.files import find
+from haptic_display.device_tools.tuning import Tuning
+from haptic_display.run.domain import isolated_domain
+from haptic_display.run.prepare import prepare
+from haptic_display.run.processes import Nodes, Program, interruptible
 
 SETTLING = 2.0  # [s] after engaging
 

@@ -10,8 +10,8 @@ import typer
 
 from bench.jobs import deaths_told, markdown
 from bench.servo import cyclictest
-from haptic_sim.supervision import lateness as servo_lateness
-from haptic_sim.supervision.processes import interruptible
+from haptic_display.run import lateness as servo_lateness
+from haptic_display.run.processes import interruptible
 
 QUANTITIES = ("ticks", "missed", "p50", "p99", "p999", "max")
 _RATE = "Servo rate [Hz], 500 to 10000; may be repeated [1000 2000 4000 8000 10000]."

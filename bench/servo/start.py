@@ -14,9 +14,9 @@ import psutil
 import typer
 
 from bench.jobs import deaths_told, markdown
-from haptic_device.config_files import find
-from haptic_sim.supervision.domain import isolated_domain
-from haptic_sim.supervision.processes import NAMESPACE, Nodes, Program, interruptible
+from haptic_device.config.files import find
+from haptic_display.run.domain import isolated_domain
+from haptic_display.run.processes import NAMESPACE, Nodes, Program, interruptible
 
 READY = {  # the diagnostic entry that a node counts up in once it does its work
     "haptic_loopback": "driven",
@@ -60,7 +60,7 @@ def _once(folder, scene):
     with isolated_domain(folder) as domain, Nodes(folder / "log") as nodes:
         for program in programs:
             nodes.start(program)
-        from haptic_sim.client import Client  # ROS is imported while the nodes start
+        from haptic_display.client import Client  # ROS is imported while the nodes start
 
         with contextlib.closing(Client.join("haptic_demo", domain, NAMESPACE)) as client:
             while len(ready) < len(READY):

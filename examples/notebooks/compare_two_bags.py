@@ -17,7 +17,7 @@ def _():
     from matplotlib.figure import Figure
     from short_run import press_a_tool, recorded
 
-    from haptic_device.analysis.palette import RUNS
+    from haptic_device.theory.palette import RUNS
 
     return Figure, RUNS, mo, np, press_a_tool, recorded
 

@@ -17,7 +17,7 @@ def _():
     from matplotlib.figure import Figure
     from short_run import press_a_tool, recorded
 
-    from haptic_device.analysis.palette import DASHED, HANDLE, INK, TOOL
+    from haptic_device.theory.palette import DASHED, HANDLE, INK, TOOL
 
     return DASHED, Figure, HANDLE, INK, TOOL, mo, np, press_a_tool, recorded
 

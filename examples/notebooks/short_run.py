@@ -7,14 +7,14 @@ Lock-step has no clock and no network: the same run gives the same numbers on ev
 import tempfile
 from pathlib import Path
 
-from haptic_device.description import load_device
-from haptic_device.parameter_types import defaults
+from haptic_device.config.description import load_device
+from haptic_device.config.parameter_types import defaults
 from haptic_device.recording import Recording, load
 from haptic_sim.exchange.simulation import Simulation
-from haptic_sim.node_parameters import NODES
+from haptic_sim.lockstep.lockstep import Lockstep
+from haptic_sim.lockstep.lockstep_bag import LockstepBag, Point
+from haptic_sim.node.parameters import NODES
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.replay.lockstep import Lockstep
-from haptic_sim.replay.lockstep_bag import LockstepBag, Point
 from haptic_sim.scene.language import load as load_scene
 
 DEVICE = load_device("desktop")

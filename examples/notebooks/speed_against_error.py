@@ -18,7 +18,7 @@ def _():
     import marimo as mo
     from matplotlib.figure import Figure
 
-    from haptic_device.analysis.palette import METHODS, PEERS
+    from haptic_device.theory.palette import METHODS, PEERS
 
     return Figure, METHODS, PEERS, Path, csv, mo
 

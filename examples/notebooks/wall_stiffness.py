@@ -18,7 +18,7 @@ def _():
     from scipy import stats
     from short_run import recorded, tap_a_wall
 
-    from haptic_device.analysis.palette import DASHED, FORCE, HANDLE, INK
+    from haptic_device.theory.palette import DASHED, FORCE, HANDLE, INK
 
     return DASHED, FORCE, Figure, HANDLE, INK, mo, np, recorded, stats, tap_a_wall
 

@@ -18,9 +18,9 @@ def _():
     import numpy as np
     from matplotlib.figure import Figure
 
-    from haptic_device.analysis import zwidth, zwidth_map
-    from haptic_device.analysis.zwidth_figure import draw_cells
-    from haptic_sim.zwidth_plane import device_figures, request_of
+    from haptic_device.theory import zwidth, zwidth_map
+    from haptic_device.theory.zwidth_figure import draw_cells
+    from haptic_display.device_tools.zwidth_plane import device_figures, request_of
 
     return Figure, device_figures, draw_cells, mo, np, os, request_of, zwidth, zwidth_map
 

@@ -10,6 +10,7 @@ A wall changes for nothing while the handle is off it: one that is new, or comes
 and follows it outwards. One that turns or vanishes lets the handle in, by the slew, until it is free of it.
 """
 
+from haptic_device.config.parameters import POLICIES
 from haptic_device.control import (
     bumpless_walls,
     change_ledger,
@@ -19,7 +20,6 @@ from haptic_device.control import (
     virtual_wall,
 )
 from haptic_device.jit import kernel, njit
-from haptic_device.parameters import POLICIES
 
 OFF = POLICIES.index("off")
 OTHERS = 3.0  # groups beside walls that may be on their way: limits, coupling, cancellation

@@ -7,8 +7,8 @@ or writes. All numbers are float64: `name*` is one per axis, `name#` one per wal
 
 import numpy as np
 
+from haptic_device.config.parameters import KEPT, MOST_WALLS
 from haptic_device.control import contact_model, contact_solver
-from haptic_device.parameters import KEPT, MOST_WALLS
 
 AXES = 3  # x, y, theta; a device with fewer leaves the rest at zero
 HELD = 64  # motor values that may be on their way at a time

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Encoder counts to position, and positions to velocity."""
 
+from haptic_device.config.parameters import KEPT
 from haptic_device.jit import kernel, njit
-from haptic_device.parameters import KEPT
 
 BACKWARD_DIFFERENCE, LOWPASS, ADAPTIVE_WINDOW = range(3)
 SWITCHED = 2.0

@@ -2,7 +2,7 @@
 """Why a display that is enabled gives less force than is wished for. The table below is the only one; documents are
 made from it.
 
-A cause counts where it lasts (haptic_device/withheld_time.py): for a moment a display that works has each of them.
+A cause counts where it lasts (withheld_time.py): for a moment a display that works has each of them.
 """
 
 import math

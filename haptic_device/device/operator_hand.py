@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 
+from haptic_device.config.parameters import MOST_WAYPOINTS
 from haptic_device.jit import kernel, njit
-from haptic_device.parameters import MOST_WAYPOINTS
 
 MOST = MOST_WAYPOINTS + 1  # waypoints with the start
 ARM = 0.05  # [m] way that turning by a radian counts as, for the time that it takes

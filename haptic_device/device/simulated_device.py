@@ -3,9 +3,9 @@
 
 import numpy as np
 
+from haptic_device.config.description import SUB_STEP
 from haptic_device.control import enable_state
 from haptic_device.control.records import TICK
-from haptic_device.description import SUB_STEP
 from haptic_device.device import operator_hand, plant
 from haptic_device.jit import kernel, njit
 from haptic_device.realtime import atomic, clock, hardware_interface, seqlock, servo_loop, servo_writes, shared_memory

@@ -3,7 +3,7 @@
 
 A codec is its state and two compiled functions of the signatures below; the loop of the bridge (bridge_loop) calls them
 by address, so that one compiled loop runs any codec. A link is a module with `Options`, what the description may say of
-it, `compiled()`, its two functions, and `codec(options, device)`, its Codec; haptic_device/link_registry has its line.
+it, `compiled()`, its two functions, and `codec(options, device)`, its Codec; config/link_registry has its line.
 
 * encode(state, event, now, command, outgoing) → number of bytes put into outgoing (uint8, ROOM) to be sent now, or 0.
   now: [ns of CLOCK_MONOTONIC]. command: the words of the servo's last write (realtime/shared_memory: session, written,

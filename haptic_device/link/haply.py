@@ -23,10 +23,10 @@ from typing import Literal
 
 import numpy as np
 
+from haptic_device.config.link_registry import SerialOptions
 from haptic_device.jit import njit
 from haptic_device.link import codec as c
 from haptic_device.link import request_timing
-from haptic_device.link_registry import SerialOptions
 
 DEVICE = 5  # the board's number for a 2DIY
 RESET, SET_UP, WRITE = 0, 1, 2  # first bytes of frames

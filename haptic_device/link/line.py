@@ -12,8 +12,8 @@ import termios
 import numpy as np
 from numba import types
 
+from haptic_device.config.link_registry import SPEEDS
 from haptic_device.jit import njit
-from haptic_device.link_registry import SPEEDS
 from haptic_device.os_errors import in_words
 
 POLLIN = 1

@@ -18,11 +18,11 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from haptic_device.config.link_registry import SerialOptions
+from haptic_device.config.refusal import Unit
 from haptic_device.jit import njit
 from haptic_device.link import codec as c
 from haptic_device.link import fdcanusb, moteus_frame, request_timing
-from haptic_device.link_registry import SerialOptions
-from haptic_device.refusal import Unit
 
 MOST_ID = 126  # 127 is all drives at once
 REPLY = 0x8000  # of an address: an answer is wanted

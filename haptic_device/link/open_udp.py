@@ -6,7 +6,7 @@ The compiler is imported where it is needed: who only reads a description does w
 
 from typing import Literal
 
-from haptic_device.link_registry import UdpOptions
+from haptic_device.config.link_registry import UdpOptions
 
 
 class Options(UdpOptions):

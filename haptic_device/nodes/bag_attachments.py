@@ -3,9 +3,9 @@
 
 from pathlib import Path
 
-from haptic_device.config_files import find
-from haptic_device.parameter_types import SECTION
-from haptic_device.yaml_reader import dump
+from haptic_device.config.files import find
+from haptic_device.config.parameter_types import SECTION
+from haptic_device.config.yaml_reader import dump
 
 YAML = "application/yaml"
 FILES = {"device": "devices", "scene": "scenes"}  # parameters that name a file, and its folder in config

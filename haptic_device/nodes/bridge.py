@@ -14,15 +14,15 @@ import time
 
 import numpy as np
 
-from haptic_device.description import load_device
+from haptic_device.config.description import load_device
+from haptic_device.config.link_registry import SERVED, UdpOptions
+from haptic_device.config.parameters import BRIDGE, BRIDGE_FIGURES
 from haptic_device.jit import ensure_compiled
 from haptic_device.link import bridge_loop, clock_fit, codec, line
-from haptic_device.link_registry import SERVED, UdpOptions
 from haptic_device.message_fields import AXES
 from haptic_device.nodes import diagnostics, messages
 from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.truth_publisher import TruthPublisher
-from haptic_device.parameters import BRIDGE, BRIDGE_FIGURES
 from haptic_device.realtime import scheduling
 from haptic_device.realtime.seqlock import SeqLock
 from haptic_device.realtime.shared_memory import DEVICE, SharedMemory, file_name

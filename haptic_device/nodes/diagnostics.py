@@ -5,7 +5,7 @@ import math
 import time
 from collections.abc import Iterable
 
-from haptic_device.parameter_types import Watched
+from haptic_device.config.parameter_types import Watched
 
 
 def statuses(node: str, watched: Iterable[Watched], figures: dict[str, float], values: dict) -> list[tuple]:

@@ -13,9 +13,9 @@ import time
 
 import numpy as np
 
-from haptic_device import controller_config, gain_check
-from haptic_device.control import enable_state, faults, records
-from haptic_device.description import load_device
+from haptic_device.config.description import load_device
+from haptic_device.config.parameters import DRIVER, DRIVER_FIGURES
+from haptic_device.control import controller_config, enable_state, faults, gain_check, records
 from haptic_device.jit import ensure_compiled
 from haptic_device.nodes import fault_answers
 from haptic_device.nodes.diagnostics import statuses
@@ -25,7 +25,6 @@ from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.nodes.service_thread import ServiceThread
 from haptic_device.nodes.telemetry import Telemetry
-from haptic_device.parameters import DRIVER, DRIVER_FIGURES
 from haptic_device.realtime import scheduling
 from haptic_device.realtime.hardware_interface import SharedMemoryInterface
 from haptic_device.realtime.servo_thread import ServoThread

@@ -3,11 +3,10 @@
 
 import math
 
-from haptic_device import gain_check
-from haptic_device.control import enable_state, faults, withheld
+from haptic_device.config.parameters import DRIVER_FIGURES
+from haptic_device.control import enable_state, faults, gain_check, withheld
 from haptic_device.nodes import diagnostics
 from haptic_device.nodes.refusals import Refusals
-from haptic_device.parameters import DRIVER_FIGURES
 from haptic_device.realtime import servo_loop
 
 PERCENTILES = ("p50", "p99", "p999", "max")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the driver answers of a latched fault; the page says it in its own words (haptic_sim/viewer/page_words.py)."""
+"""What the driver answers of a latched fault; the page says it in its own words (haptic_display/page/page_words.py)."""
 
 CLEARED = "fault cleared; ~/enable to go on"
 

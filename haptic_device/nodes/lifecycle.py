@@ -17,12 +17,12 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import Node, TransitionCallbackReturn
 
 from haptic_device import ros_environment
+from haptic_device.config.parameter_types import Parameter
 from haptic_device.nodes import messages
 from haptic_device.nodes.participant_id import own_participant_id
 from haptic_device.nodes.ros import begin_ros, made, refuse_files_of_others
 from haptic_device.nodes.ros_parameters import declare
 from haptic_device.os_errors import in_words
-from haptic_device.parameter_types import Parameter
 from haptic_device.process import ENDING, hear, say
 from haptic_device.realtime.session_clock import SessionClock
 

@@ -12,7 +12,8 @@ import threading
 import numba
 import numpy as np
 
-from haptic_device.description import load_device
+from haptic_device.config.description import load_device
+from haptic_device.config.parameters import LOOPBACK, LOOPBACK_FIGURES
 from haptic_device.device import loopback_config, operator_hand, simulated_device
 from haptic_device.jit import ensure_compiled
 from haptic_device.message_fields import AXES
@@ -20,7 +21,6 @@ from haptic_device.nodes import diagnostics, messages
 from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.nodes.truth_publisher import TruthPublisher
-from haptic_device.parameters import LOOPBACK, LOOPBACK_FIGURES
 from haptic_device.realtime import scheduling
 from haptic_device.realtime.shared_memory import DEVICE, SharedMemory, file_name
 

@@ -10,7 +10,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import String
 
-from haptic_device.status import Status, named_statuses
+from haptic_device.recording.status import Status, named_statuses
 
 __all__ = ["DiagnosticArray", "JointState", "PointCloud2", "PoseStamped", "String", "WrenchStamped"]
 

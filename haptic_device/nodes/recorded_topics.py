@@ -11,7 +11,7 @@ from haptic_device.nodes.messages import STATE, TRACE
 from haptic_device.nodes.polled_subscription import PolledSubscription, Sample
 from haptic_device.nodes.transforms import TFMessage
 from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, POSE, STRING, WRENCH
-from haptic_device.sequence_gaps import UNKNOWN, SequenceGaps
+from haptic_device.recording.sequence_gaps import UNKNOWN, SequenceGaps
 
 KNOWN = {  # joined before their publishers exist, so that no first message is missed
     "encoder": JOINTS,

@@ -13,7 +13,8 @@ from pathlib import Path
 
 from std_srvs.srv import Trigger
 
-from haptic_device import provenance
+from haptic_device.config.parameters import RECORDER
+from haptic_device.config.yaml_reader import dump
 from haptic_device.nodes import FIRST_ROW
 from haptic_device.nodes.bag_attachments import YAML, files_of, parameter_file, trial_of
 from haptic_device.nodes.lifecycle import ManagedNode, run, sentence_of
@@ -23,10 +24,9 @@ from haptic_device.nodes.polled_subscription import Sample
 from haptic_device.nodes.recorded_topics import RecordedTopics, Track
 from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.os_errors import in_words
-from haptic_device.parameters import RECORDER
 from haptic_device.realtime import scheduling
+from haptic_device.recording import provenance
 from haptic_device.recording.writer import Bag
-from haptic_device.yaml_reader import dump
 
 _DISCOVERY_PERIOD = 0.5  # s
 _SERVE_PERIOD = 0.1  # s

@@ -4,8 +4,8 @@
 from haptic_device.message_fields import AXES, frame_id
 from haptic_device.nodes import messages
 from haptic_device.nodes.transforms import Transforms
+from haptic_device.nodes.urdf import links, urdf
 from haptic_device.recording.layouts import JointLayout
-from haptic_device.urdf import links, urdf
 
 
 class RobotState:

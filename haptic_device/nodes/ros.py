@@ -9,8 +9,9 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from haptic_device import ros_environment, yaml_reader
-from haptic_device.parameter_files import reaches, section_keys
+from haptic_device import ros_environment
+from haptic_device.config import yaml_reader
+from haptic_device.config.parameter_files import reaches, section_keys
 
 KINDS = tuple(
     f"haptic_{kind}" for kind in ("bridge", "driver", "loopback", "simulation", "recorder", "relay", "viewer")

@@ -9,7 +9,7 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from haptic_device.parameter_types import ROS_OWN, Parameter, check_value, unknown
+from haptic_device.config.parameter_types import ROS_OWN, Parameter, check_value, unknown
 
 INT64 = (-(2**63), 2**63 - 1)
 SIM_TIME = "use_sim_time is true; it must be false: a haptic display runs by the machine's own clock, not by /clock"

@@ -12,6 +12,7 @@ import numpy as np
 from rclpy.duration import Duration
 
 from haptic_device.control.records import SETTINGS, TRACE_ROW
+from haptic_device.control.withheld_time import WithheldTime
 from haptic_device.message_fields import AXES, frame_id
 from haptic_device.nodes import messages
 from haptic_device.nodes.fault_detail import LatchedFault
@@ -27,7 +28,6 @@ from haptic_device.recording.layouts import (
     pose_numbers,
     wrench_numbers,
 )
-from haptic_device.withheld_time import WithheldTime
 
 TRACE_PERIOD = 10_000_000  # [ns] between trace blocks, and between looks for new settings
 SNAPSHOT_PERIOD = 1_000_000_000  # [ns] between snapshots of settings and memory, where nothing has changed

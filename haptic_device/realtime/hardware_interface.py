@@ -5,7 +5,7 @@ A hardware interface has `memory` (int64 array, its own), `read` and `write` (co
 `present()`, whether the device answers, `delay()`, how late the motor acts after a write as the link measures it, from
 the earliest that the counts may be of [s], `watchdog()`, the time without a command after which the device cuts its
 motor [s] (0: not known, either), and `close()`. Another device is one more file with such a class;
-haptic_sim/supervision/conformance.py checks any against this text.
+haptic_display/device_tools/conformance.py checks any against this text.
 
 * read(memory, deadline, give_up, sample) → 1 if the sample is of this deadline, 0 if it is older. It may wait for
   the device until give_up [ns of CLOCK_MONOTONIC], never longer. sample (9): time of sampling [ns], status, counts of

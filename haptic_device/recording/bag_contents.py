@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_device.recording.reader import StampOrder
-from haptic_device.sequence_gaps import SequenceGaps
-from haptic_device.status import Status, number
+from haptic_device.recording.sequence_gaps import SequenceGaps
+from haptic_device.recording.status import Status, number
 
 Array = npt.NDArray[np.float64]
 Nanoseconds = npt.NDArray[np.int64]

@@ -12,8 +12,8 @@ from haptic_device.recording.columns import CloudColumns, JointColumns
 from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, STAMPED, STRING, types
 from haptic_device.recording.metadata import said_in
 from haptic_device.recording.reader import Collector, Keep, Topic, read
-from haptic_device.sequence_gaps import SHARED, SequenceGaps, counted
-from haptic_device.status import Status, named_statuses, of_namespace
+from haptic_device.recording.sequence_gaps import SHARED, SequenceGaps, counted
+from haptic_device.recording.status import Status, named_statuses, of_namespace
 
 TOPICS = ("encoder", "motor", "handle", "tool", "trace", "wrench", "pose", "operator/state", "operator/target")
 MARK = "mark"

@@ -8,8 +8,8 @@ from typing import Any
 
 import yaml
 
+from haptic_device.config.yaml_reader import dump
 from haptic_device.os_errors import naming
-from haptic_device.yaml_reader import dump
 
 METADATA = "metadata.yaml"
 

@@ -12,10 +12,10 @@ from typing import Any, BinaryIO, cast
 
 from mcap.writer import Writer
 
+from haptic_device.config.yaml_reader import dump
 from haptic_device.os_errors import naming
 from haptic_device.recording.layouts import types
 from haptic_device.recording.metadata import FileSpan, information, topic_metadata, write_metadata
-from haptic_device.yaml_reader import dump
 
 CHUNK_BYTES = 256 * 2**10
 _UINT32 = 0xFFFFFFFF

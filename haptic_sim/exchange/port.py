@@ -9,8 +9,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from haptic_device.config.parameters import EXCHANGE_METHODS, Exchange
 from haptic_device.control import tool_side_tank
-from haptic_device.parameters import EXCHANGE_METHODS, Exchange
 from haptic_sim.exchange.port_limits import BUDGET, LIMITS, Limits
 from haptic_sim.protocol import STILL, Coupling, Planar, StepResult, World
 

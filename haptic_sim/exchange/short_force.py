@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is said of force that the tool's port withholds: the tool gets less than the coupling asks for, and so the hand.
 
-A moment of it is an impact; it counts where it lasts, as causes on the device's side do (haptic_device/withheld_time).
+A moment of it is an impact; it counts where it lasts, as causes on the device's side do (control/withheld_time).
 """
 
 SHARE = 0.2  # of the time beyond which it is said

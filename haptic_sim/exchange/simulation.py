@@ -155,7 +155,7 @@ class Ledger:
 
 
 def kernels_of(reduced: ReducedScene, exchange_method: str) -> tuple[str, ...]:
-    """Entries of kernels (haptic_sim/kernels.py) that a simulation of this scene needs at its port."""
+    """Entries of kernels (haptic_display/run/kernels.py) that a simulation of this scene needs at its port."""
     local = ("local contacts",) if exchange_method == "local" else ()
     return "closed form", *METHODS[reduced.method].kernels, *local  # with the closed form come the ports
 

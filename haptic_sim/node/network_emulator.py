@@ -22,7 +22,7 @@ from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.messages import LATEST, STREAM, JointState, PointCloud2
 from haptic_device.nodes.polled_subscription import PolledSubscription
 from haptic_device.realtime.scheduling import go_realtime, lift_interpreter, put_back
-from haptic_sim.node_parameters import NODES
+from haptic_sim.node.parameters import NODES
 
 LONGEST_WAIT_NS = 20_000_000
 PRIORITY = 62

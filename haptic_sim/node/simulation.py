@@ -28,8 +28,8 @@ from haptic_sim.exchange.left_out_time import left_out_sentence, paused_sentence
 from haptic_sim.exchange.short_force import short_sentence
 from haptic_sim.exchange.simulation import Added, Simulation, kernels_of
 from haptic_sim.node.exchange_thread import ExchangeThread
+from haptic_sim.node.parameters import FIGURES, NODES
 from haptic_sim.node.scene_publisher import ScenePublisher
-from haptic_sim.node_parameters import FIGURES, NODES
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene.language import load
 

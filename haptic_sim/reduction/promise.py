@@ -3,7 +3,7 @@
 
 from pathlib import Path
 
-from haptic_device.config_files import names
+from haptic_device.config.files import names
 from haptic_sim.method_registry import AUTO
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.measured import Measured, of_scene

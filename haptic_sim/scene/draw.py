@@ -17,8 +17,8 @@ from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 from matplotlib.transforms import Affine2D
 
-from haptic_device.analysis.palette import BLACK, FORCE, HANDLE, TARGET
 from haptic_device.os_errors import naming
+from haptic_device.theory.palette import BLACK, FORCE, HANDLE, TARGET
 from haptic_sim.scene.drawing import Drawing, corners, drawing_of, standing
 from haptic_sim.scene.geometry import Point, turned
 from haptic_sim.scene.joints import AnyJoint, Slider

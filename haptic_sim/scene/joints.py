@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from haptic_device.refusal import Part, Unit
+from haptic_device.config.refusal import Part, Unit
 from haptic_sim.scene.geometry import turned
 from haptic_sim.scene.shapes import Direction, NotNegative, Number, Point, Positive, Solid
 

@@ -12,9 +12,9 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from haptic_device import yaml_reader
-from haptic_device.config_files import ConfigError, find
-from haptic_device.refusal import Part, Unit
+from haptic_device.config import yaml_reader
+from haptic_device.config.files import ConfigError, find
+from haptic_device.config.refusal import Part, Unit
 from haptic_sim.method_registry import offered
 from haptic_sim.scene import checks
 from haptic_sim.scene.geometry import finest_feature

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import Normal, Stroke
 
-from haptic_device.analysis import palette
-from haptic_device.analysis.palette import BLACK
+from haptic_device.theory import palette
+from haptic_device.theory.palette import BLACK
 from haptic_sim.scene.drawing import Shape
 from haptic_sim.scene.geometry import Point, thickness, turned
 

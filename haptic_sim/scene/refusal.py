@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from haptic_device.refusal import Part, sentences
+from haptic_device.config.refusal import Part, sentences
 from haptic_sim.scene.joints import JOINTS, WORLD
 from haptic_sim.scene.shapes import SHAPES, TOOL
 

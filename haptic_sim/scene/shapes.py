@@ -16,7 +16,7 @@ from pydantic import (
     model_validator,
 )
 
-from haptic_device.refusal import Part, Unit
+from haptic_device.config.refusal import Part, Unit
 from haptic_sim.scene.geometry import Outline, combined, convex, half_plane, rectangle
 
 TOOL = "tool"

@@ -16,7 +16,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))  # of this package
 from exchange_systems import three_axes
 
 from adversary import contact_search
-from haptic_device import gain_check
+from haptic_device.control import gain_check
 
 CASES = [(rate, loss, limit) for rate in (1000.0, 4000.0) for loss in (0.0, 0.3) for limit in (20.0, 2.0)]
 

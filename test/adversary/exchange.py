@@ -18,7 +18,7 @@ from exchange_systems import one_axis
 
 from adversary import exchange_search, port_search
 from adversary.exchange_search import FREE, Adversary
-from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_device.config.parameters import EXCHANGE_METHODS
 from haptic_sim.exchange.port import port_of
 from haptic_sim.exchange.port_limits import BUDGET
 from haptic_sim.exchange.simulation import HandleSample

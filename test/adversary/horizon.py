@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import eigh
 
-from haptic_device.analysis.quantity import positive
+from haptic_device.theory.quantity import positive
 
 
 class WorstPath(NamedTuple):

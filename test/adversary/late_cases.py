@@ -6,11 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from adversary.exchange_search import Adversary, search
-from haptic_device import controller_config, gain_check
-from haptic_device.control import passivity
-from haptic_device.description import load_device
-from haptic_device.parameter_types import defaults
-from haptic_device.parameters import NODES
+from haptic_device.config.description import load_device
+from haptic_device.config.parameter_types import defaults
+from haptic_device.config.parameters import NODES
+from haptic_device.control import controller_config, gain_check, passivity
 
 BUDGET = 2e-5  # [J]
 OVER = 1.05  # times the damping that is needed

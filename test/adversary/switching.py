@@ -21,7 +21,7 @@ both together suffice because the form is then diagonally dominant. Hence, exact
 
 import numpy as np
 
-from haptic_device.analysis.quantity import not_negative, positive, within
+from haptic_device.theory.quantity import not_negative, positive, within
 
 
 def switched_cancellation_damping(stiffness, damping, period, cancelled):

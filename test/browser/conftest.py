@@ -45,7 +45,7 @@ class System:
 
     def __init__(self, folder: Path):
         self.folder = folder
-        command = [sys.executable, "-m", "haptic_sim.cli.main", "demo", "--view", "--out", str(folder / "run")]
+        command = [sys.executable, "-m", "haptic_display.cli.main", "demo", "--view", "--out", str(folder / "run")]
         command += ["--params", str(POINT), "--port", "0"]
         self._keys, terminal = pty.openpty()
         self.process = subprocess.Popen(

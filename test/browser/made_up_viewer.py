@@ -7,11 +7,11 @@ import threading
 import time
 from dataclasses import asdict
 
+from haptic_display.page import settings
+from haptic_display.page.server import Server
+from haptic_display.page.tasks import tasks
 from haptic_sim.scene.drawing import drawing_of
 from haptic_sim.scene.language import load
-from haptic_sim.viewer import settings
-from haptic_sim.viewer.server import Server
-from haptic_sim.viewer.tasks import tasks
 
 PERIOD = 0.02  # s between two frames
 LIMIT = 30.0  # s for what the server does

@@ -12,8 +12,8 @@ from conftest import Tab
 from made_up_viewer import STATUS, MadeUpViewer
 
 from haptic_device.message_fields import AXES
-from haptic_sim.client import Client
-from haptic_sim.supervision.processes import NAMESPACE
+from haptic_display.client import Client
+from haptic_display.run.processes import NAMESPACE
 
 pytestmark = pytest.mark.timeout(600)
 PRESSED = "Reset and engage"

@@ -8,7 +8,7 @@ import pytest
 from conftest import Tab
 from made_up_viewer import STATUS, VALUES, MadeUpViewer
 
-from haptic_sim.viewer import settings
+from haptic_display.page import settings
 
 pytestmark = pytest.mark.timeout(300)
 

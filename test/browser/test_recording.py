@@ -9,8 +9,8 @@ from conftest import PATIENCE, Tab
 from filmed_bag import SCENE, film_bag, rows_of
 from made_up_viewer import MadeUpViewer
 
-from haptic_device.analysis.report.reading import read_run
-from haptic_sim.film.write import write_film
+from haptic_display.page.film.write import write_film
+from haptic_display.run.report.reading import read_run
 
 pytestmark = pytest.mark.timeout(600)
 HOSTILE = "<img src=x onerror=alert(1)>"

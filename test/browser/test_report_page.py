@@ -5,8 +5,8 @@ import pytest
 from bag_of_a_run import swing, write_run
 from conftest import Tab
 
-from haptic_device.analysis.report.page import write_report
-from haptic_device.analysis.report.reading import read_run
+from haptic_display.run.report.page import write_report
+from haptic_display.run.report.reading import read_run
 
 pytestmark = pytest.mark.timeout(600)
 

@@ -9,10 +9,10 @@ from conftest import PATIENCE, Tab
 from made_up_viewer import HELLO, STATUS, VALUES, MadeUpViewer
 from waiting import until
 
-from haptic_device.config_files import names
+from haptic_device.config.files import names
+from haptic_display.page.tasks import tasks
 from haptic_sim.scene.drawing import drawing_of
 from haptic_sim.scene.language import load
-from haptic_sim.viewer.tasks import tasks
 
 pytestmark = pytest.mark.timeout(300)
 OFF = {"state": "off", "share": 0.0, "slow": False}

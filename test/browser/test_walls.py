@@ -8,8 +8,8 @@ import waiting
 from conftest import PATIENCE, Tab
 from made_up_viewer import VALUES, MadeUpViewer
 
-from haptic_device.parameter_types import defaults
-from haptic_sim.viewer import messages, settings
+from haptic_device.config.parameter_types import defaults
+from haptic_display.page import messages, settings
 
 pytestmark = pytest.mark.timeout(600)
 DRIVER, NAME = settings.DRIVER, "coupling.stiffness"

@@ -14,7 +14,7 @@ import pytest
 API = Path(__file__).parents[2] / "docs/reference/api"
 PAGES = sorted(page for page in API.glob("*.md") if page.name != "README.md")
 NAMES = [name for page in PAGES for name in re.findall(r"^::: (\S+)$", page.read_text("utf-8"), re.MULTILINE)]
-MAKER = "haptic_sim.replay.lockstep_bag.LockstepBag"  # its example makes the bag that others read
+MAKER = "haptic_sim.lockstep.lockstep_bag.LockstepBag"  # its example makes the bag that others read
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 

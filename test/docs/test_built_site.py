@@ -11,7 +11,7 @@ from pathlib import Path
 import markdown
 import pytest
 
-from haptic_device.config_files import names
+from haptic_device.config.files import names
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = ("tutorials/", "how_to/", "reference/", "decisions/")

@@ -13,11 +13,12 @@ from matplotlib.figure import Figure
 from bench.jobs import read_csv
 from bench.methods import measure
 from bench.methods.figure import pareto_figure
-from haptic_device.analysis import palette, passivity_figure
-from haptic_device.analysis.assessment import Display, assess
-from haptic_device.analysis.report import curves
-from haptic_sim import method_registry, viewer
-from haptic_sim.film import gif
+from haptic_device.theory import palette, passivity_figure
+from haptic_device.theory.assessment import Display, assess
+from haptic_display import page as viewer
+from haptic_display.page.film import gif
+from haptic_display.run.report import curves
+from haptic_sim import method_registry
 
 ROOT = Path(__file__).parents[2]
 STORED = ROOT / "docs" / "benchmarks"

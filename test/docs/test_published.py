@@ -8,7 +8,7 @@ from in_process import bench
 
 from bench.published import table
 from bench.published.source import Result, agrees
-from haptic_device.config_files import ConfigError
+from haptic_device.config.files import ConfigError
 
 PAGE = Path(__file__).parents[2] / "docs" / "benchmarks" / "published.md"
 GIL = (table.FOLDER / "gil_2009.yaml").read_text(encoding="utf-8")

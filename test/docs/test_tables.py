@@ -12,18 +12,18 @@ from pathlib import Path
 import link_frames
 import pytest
 
+from haptic_device.config.description import load_device
+from haptic_device.config.parameters import EXCHANGE_METHODS
+from haptic_device.config.yaml_reader import load as load_yaml
 from haptic_device.control import enable_state, records
-from haptic_device.description import load_device
 from haptic_device.message_fields import AXES, TAIL, exchange_names, frame_id, truth_names
 from haptic_device.nodes import bridge, driver, exchange_server, loopback, recorder
 from haptic_device.nodes.recorded_topics import KNOWN
-from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.realtime import scheduling, servo_thread
 from haptic_device.recording import ENTRY_UNITS, TRACE_UNITS
-from haptic_device.yaml_reader import load as load_yaml
-from haptic_sim.cli.docs import fault_table
-from haptic_sim.cli.main import COMMANDS
-from haptic_sim.config_problems import problems
+from haptic_display.cli.docs import fault_table
+from haptic_display.cli.main import COMMANDS
+from haptic_display.run.config_problems import problems
 from haptic_sim.method_registry import offered
 from haptic_sim.node import simulation
 from haptic_sim.scene import language

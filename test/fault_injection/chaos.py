@@ -17,9 +17,9 @@ import typer
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))  # of this package
 
-from haptic_sim.cli.main import ending_in_a_sentence
-from haptic_sim.supervision.domain import isolated_domain
-from haptic_sim.supervision.processes import NodeDiedError, interruptible
+from haptic_display.cli.main import ending_in_a_sentence
+from haptic_display.run.domain import isolated_domain
+from haptic_display.run.processes import NodeDiedError, interruptible
 
 STEP, ENERGY, RECOVERED = 0.5, 0.005, 3.0  # [N/ms], [J] of the default exchange.budget, [s]
 SHORT = ("kill -9 driver", "SIGSTOP simulation", "e-stop")
@@ -68,8 +68,8 @@ def _chosen(wanted, short):
 
 
 def _programs(folder: Path, rate: float = 1000.0):
-    from haptic_device.config_files import find
-    from haptic_sim.supervision.system import Order, programs_of
+    from haptic_device.config.files import find
+    from haptic_display.run.system import Order, programs_of
 
     hand = {"motion.name": "follow", "motion.start": (0.03, 0.0, 0.0), "publish.rate": rate}
     point = find("", "demo").absolute()

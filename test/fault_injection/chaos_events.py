@@ -17,7 +17,7 @@ from fault_injection.fault_injector import NODES, PATIENCE, FaultInjector
 from fault_injection.flood import COMMAND, SENT
 from haptic_device.control import enable_state
 from haptic_device.process import ending_with_us, own_environment
-from haptic_device.status import LEVELS, number
+from haptic_device.recording.status import LEVELS, number
 
 GONE = 0.4  # [s] that a node is away
 HEARD = 0.2  # [s] until everything that happened has been heard of

@@ -12,8 +12,8 @@ import numpy as np
 
 from fault_injection.listener import Listener
 from haptic_device.realtime import shared_memory
-from haptic_sim.supervision.prepare import prepare
-from haptic_sim.supervision.processes import NAMESPACE, NodeDiedError, Nodes, Program
+from haptic_display.run.prepare import prepare
+from haptic_display.run.processes import NAMESPACE, NodeDiedError, Nodes, Program
 
 NODES = ("haptic_driver", "haptic_loopback", "haptic_simulation")
 FREE, PRESSED = 0.03, -0.003  # [m] where the hand is in free space; and where it wants to be in the wall

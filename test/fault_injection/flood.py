@@ -18,7 +18,7 @@ from rclpy.context import Context
 from haptic_device.message_fields import AXES, LOCAL_CONTACT, MOST, TAIL, exchange_names
 from haptic_device.nodes.messages import LATEST, JointState, PointCloud2
 from haptic_device.recording.layouts import CloudLayout, JointLayout
-from haptic_sim.supervision.processes import NAMESPACE
+from haptic_display.run.processes import NAMESPACE
 
 COMMAND = [sys.executable, __file__]
 SENT = "sent "

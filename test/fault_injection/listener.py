@@ -12,9 +12,9 @@ import numpy as np
 from haptic_device.control.records import TRACE_ROW
 from haptic_device.nodes.messages import TRACE
 from haptic_device.recording.layouts import CLOUD
-from haptic_sim.client import Client
-from haptic_sim.service_requests import trigger
-from haptic_sim.supervision.processes import NAMESPACE
+from haptic_display.client import Client
+from haptic_display.run.processes import NAMESPACE
+from haptic_display.service_requests import trigger
 
 LOOK_PERIOD = 0.004  # s
 HAND_SPEED = 0.1  # [m/s] with which the hand's target moves; a slow hand brings the exchange little energy

@@ -10,7 +10,7 @@ import psutil
 
 from fault_injection.fault_injector import FREE, PRESSED, FaultInjector
 from haptic_device.control.faults import FAULTS
-from haptic_sim.supervision.domain import isolated_domain
+from haptic_display.run.domain import isolated_domain
 
 SETTLED = 60.0  # [s] after which memory must stay flat
 PERIOD = 1.0  # [s] between looks

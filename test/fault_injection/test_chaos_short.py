@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from fault_injection import chaos, fault_injector
-from haptic_sim.supervision.zwidth import STALLED
+from haptic_display.device_tools.zwidth import STALLED
 
 ROOT = Path(__file__).resolve().parents[2]
 LIMIT = 720.0  # [s] for all of it; no assertion

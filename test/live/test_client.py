@@ -12,8 +12,8 @@ from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 from waiting import LIMIT, until
 
-from haptic_sim.client import Client
-from haptic_sim.service_requests import RefusedError, get_parameters, set_parameters, trigger
+from haptic_display.client import Client
+from haptic_display.service_requests import RefusedError, get_parameters, set_parameters, trigger
 
 ENABLE, RESET = trigger("haptic_driver/enable"), trigger("haptic_driver/reset")
 GET = get_parameters("haptic_driver", ["wall.stiffness", "servo.rate"])

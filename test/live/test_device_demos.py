@@ -9,10 +9,11 @@ import pytest
 from in_process import haptic
 from live_demo import BUSY, demos
 
-from haptic_device.description import load_device
-from haptic_device.parameters import DRIVER, LOOPBACK
+from haptic_device.config.description import load_device
+from haptic_device.config.parameters import DRIVER, LOOPBACK
 from haptic_device.process import ending_with_us
-from haptic_sim.supervision import conformance, reference_device
+from haptic_display.device_tools import conformance
+from haptic_display.run import reference_device
 
 BUDGET = next(parameter.default for parameter in DRIVER if parameter.name == "passivity.budget")  # [J]
 

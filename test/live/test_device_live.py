@@ -10,7 +10,7 @@ from live_nodes import command
 from waiting import until
 
 from haptic_device.realtime import shared_memory
-from haptic_sim.supervision import conformance, device_page
+from haptic_display.device_tools import conformance, device_page
 
 NOBODY = "haptic device test: no device answers on its page within 3 s; start haptic_bridge or haptic_loopback there"
 

@@ -17,7 +17,7 @@ from haptic_device.message_fields import AXES
 from haptic_device.nodes import messages
 from haptic_device.nodes.ros_parameters import MOST_AT_ONCE
 from haptic_device.recording.layouts import JointLayout
-from haptic_sim.service_requests import get_parameters
+from haptic_display.service_requests import get_parameters
 
 DRIVER = DISPLAY["haptic_driver"]
 NODES = {name: DISPLAY[name] for name in ("haptic_loopback", "haptic_driver")}

@@ -8,12 +8,12 @@ import pytest
 from lifecycle_msgs.msg import State, Transition
 from live_nodes import DISPLAY, page_path
 
-from haptic_device.description import load_device
+from haptic_device.config.description import load_device
+from haptic_device.config.parameter_types import defaults
+from haptic_device.config.parameters import LOOPBACK
 from haptic_device.device import loopback_config, simulated_device
 from haptic_device.message_fields import AXES
 from haptic_device.nodes import messages
-from haptic_device.parameter_types import defaults
-from haptic_device.parameters import LOOPBACK
 
 NODES = {"haptic_loopback": DISPLAY["haptic_loopback"]}
 

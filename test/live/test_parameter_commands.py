@@ -11,9 +11,9 @@ from lifecycle_msgs.msg import State, Transition
 from live_nodes import DISPLAY, SLOW
 from waiting import until
 
-from haptic_device import yaml_reader
-from haptic_device.parameters import DRIVER, LOOPBACK_FIGURES
-from haptic_sim.service_requests import change_state
+from haptic_device.config import yaml_reader
+from haptic_device.config.parameters import DRIVER, LOOPBACK_FIGURES
+from haptic_display.service_requests import change_state
 
 NODES = DISPLAY
 CIRCLE = {"motion__name": "circle", "motion__radius": 0.04, "motion__duration": 60.0, "motion__turns": 60.0}

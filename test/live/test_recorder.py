@@ -17,7 +17,7 @@ from speaker import BURST, STIFFNESS, Speaker, custom_data, joint, kept, numbers
 from std_msgs.msg import String
 from waiting import exit_code, output
 
-from haptic_sim.cli import mark, record
+from haptic_display.cli import mark, record
 
 RELIABLE = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 
@@ -62,7 +62,7 @@ def test_messages_that_the_queue_could_not_hold_are_counted_lost(speaker, record
     assert lost > 0 and lost == sequence[-1] - sequence[0] + 1 - len(sequence)
 
 
-_RECORD = "import typer; from haptic_sim.cli.record import record; typer.run(record)"
+_RECORD = "import typer; from haptic_display.cli.record import record; typer.run(record)"
 
 
 def test_the_record_command_ends_on_ctrl_c_with_a_line_for_each_topic(speaker, start, tmp_path):

@@ -6,8 +6,8 @@ import contextlib
 import pytest
 from live_nodes import DISPLAY
 
-from haptic_sim.supervision.processes import NAMESPACE
-from haptic_sim.supervision.tuning import Tuning
+from haptic_display.device_tools.tuning import Tuning
+from haptic_display.run.processes import NAMESPACE
 
 GAINS = ("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping", "passivity.policy", "coupling.stiffness")
 FREE = ("coupling.stiffness", "coupling.damping", "coupling.rotational_stiffness", "coupling.rotational_damping")
@@ -73,7 +73,7 @@ def test_a_driver_in_fault_is_refused(tuning):
 
 
 def test_a_namespace_without_nodes_is_told_in_a_sentence(ros_domain, monkeypatch):
-    monkeypatch.setattr("haptic_sim.supervision.news.LIMIT", 0.3)
+    monkeypatch.setattr("haptic_display.run.news.LIMIT", 0.3)
     tuning = Tuning(ros_domain, "/nobody")
     try:
         with pytest.raises(ValueError, match="no engaged driver with a loopback is heard in /nobody, .*; start both"):

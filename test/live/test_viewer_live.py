@@ -18,11 +18,11 @@ from haptic_device.nodes import messages
 from haptic_device.nodes.polled_subscription import PolledSubscription
 from haptic_device.nodes.ros_parameters import declare
 from haptic_device.recording.layouts import JOINTS, JointLayout
-from haptic_sim import node_parameters
-from haptic_sim.client import Client
-from haptic_sim.service_requests import get_parameters
-from haptic_sim.viewer import hand as hand_of_a_page
-from haptic_sim.viewer import viewer
+from haptic_display.client import Client
+from haptic_display.page import hand as hand_of_a_page
+from haptic_display.page import viewer
+from haptic_display.service_requests import get_parameters
+from haptic_sim.node import parameters as node_parameters
 
 
 def opened(session, server):
@@ -33,7 +33,7 @@ def opened(session, server):
 
 
 def test_a_viewer_that_is_open_to_others_warns_before_it_prints_its_address(start, tmp_path):
-    command = [sys.executable, "-m", "haptic_sim.cli.main", "view", "--host"]
+    command = [sys.executable, "-m", "haptic_display.cli.main", "view", "--host"]
     for host in ("0.0.0.0", "127.0.0.1"):
         with open(tmp_path / host, "w") as log:
             start([*command, host], stdout=log, stderr=log)

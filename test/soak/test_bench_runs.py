@@ -7,7 +7,7 @@ from bench.methods import world
 from bench.methods.measure import run
 from bench.reference.case import case
 from bench.reference.reference import reference
-from haptic_sim.error_metrics import STABLE
+from haptic_sim.lockstep.error_metrics import STABLE
 
 PACKAGES = {"box2d": "pyb2d3", "mujoco_rk4": "mujoco", "mujoco_implicit": "mujoco"}  # of the peers that are optional
 

@@ -14,7 +14,7 @@ from live_nodes import MODULES
 from waiting import output, until
 
 from haptic_device.jit import DONE
-from haptic_sim.kernels import ENTRIES
+from haptic_display.run.kernels import ENTRIES
 
 pytestmark = pytest.mark.timeout(1800)
 

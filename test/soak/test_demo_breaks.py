@@ -10,9 +10,9 @@ from live_demo import BUSY, children, demos, pages, running
 from live_nodes import MODULES
 from waiting import LIMIT, until
 
-from haptic_sim.client import Client
-from haptic_sim.service_requests import trigger
-from haptic_sim.supervision.processes import NAMESPACE
+from haptic_display.client import Client
+from haptic_display.run.processes import NAMESPACE
+from haptic_display.service_requests import trigger
 
 pytestmark = pytest.mark.timeout(900)
 

@@ -7,7 +7,7 @@ import subprocess
 from firmware_builds import FIRMWARE
 from live_demo import BUSY, demos
 
-from haptic_device.parameters import DRIVER
+from haptic_device.config.parameters import DRIVER
 
 BUDGET = next(parameter.default for parameter in DRIVER if parameter.name == "passivity.budget")  # [J]
 

@@ -6,11 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from haptic_sim.film.gif import pictures_of
-from haptic_sim.film.scene_run import film_of_scene
+from haptic_display.page.film.gif import pictures_of
+from haptic_display.page.film.scene_run import film_of_scene
+from haptic_display.page.tasks import tasks
 from haptic_sim.scene.language import load
 from haptic_sim.scene.shapes import TOOL
-from haptic_sim.viewer.tasks import tasks
 
 
 @pytest.mark.parametrize("name", [task["name"] for task in tasks()])

@@ -3,7 +3,7 @@
 
 from PIL import Image
 
-from haptic_sim.film import gallery
+from haptic_display.page.film import gallery
 from haptic_sim.scene.language import load
 
 PNG = b"\x89PNG\r\n\x1a\n"

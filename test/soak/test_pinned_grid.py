@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
+from haptic_sim.lockstep.rollout import GAINS, hand, rollout, way
 from haptic_sim.method_registry import make
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.rollout import GAINS, hand, rollout, way
 from haptic_sim.scene.geometry import framed, turned
 from haptic_sim.scene.language import Scene
 from haptic_sim.scene.shapes import TOOL

@@ -16,8 +16,8 @@ from waiting import exit_code, until
 
 from haptic_device.realtime import shared_memory
 from haptic_device.recording import load
-from haptic_sim.supervision.processes import Program
-from haptic_sim.supervision.system import FAR
+from haptic_display.run.processes import Program
+from haptic_display.run.system import FAR
 
 pytestmark = pytest.mark.timeout(600)
 

@@ -19,7 +19,7 @@ from haptic_device.process import held
 
 pytestmark = pytest.mark.timeout(900)
 
-NODES = MODULES | BESIDE | {"haptic_viewer": "haptic_sim.viewer.viewer"}
+NODES = MODULES | BESIDE | {"haptic_viewer": "haptic_display.page.viewer"}
 DEMO = len(MODULES) + 1  # nodes of a demo: the recorder too
 STARTED = {path.name: [path] for path in SCRIPTS if path.name in NODES}
 STARTED |= {"haptic_relay": ["-m", NODES["haptic_relay"]]}
@@ -82,7 +82,7 @@ def test_a_recorder_told_to_end_leaves_a_complete_bag(start, tmp_path, number):
 _PARENT = """
 import sys, time
 from pathlib import Path
-from haptic_sim.supervision.processes import Nodes, Program
+from haptic_display.run.processes import Nodes, Program
 nodes = Nodes(Path(sys.argv[1]))
 nodes.start(Program("haptic_recorder", "haptic_device.nodes.recorder", {"bag": sys.argv[2]}))
 print(nodes.pid("haptic_recorder"), flush=True)

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from waiting import LIMIT, exit_code, until
 
-from haptic_device.analysis import sweep
-from haptic_device.analysis.zwidth import Setup
-from haptic_device.analysis.zwidth_map import Request, draw_map, empty
 from haptic_device.process import ending_with_us
+from haptic_device.theory import sweep
+from haptic_device.theory.zwidth import Setup
+from haptic_device.theory.zwidth_map import Request, draw_map, empty
 
 pytestmark = pytest.mark.timeout(900)
 
@@ -125,7 +125,7 @@ def test_a_scheduler_that_is_killed_in_the_middle_is_a_sentence_and_what_was_don
 @pytest.mark.parametrize(
     ("edited", "old", "new"),
     [
-        ("haptic_sim/replay/lockstep.py", "def ", "def  "),
+        ("haptic_sim/lockstep/lockstep.py", "def ", "def  "),
         ("config/scenes/wall.yaml", "\n", "\n\n"),
         (None, "", ""),
     ],
@@ -148,7 +148,7 @@ def test_only_a_worker_with_the_same_sources_and_scenes_takes_part(kept, worker,
 
 def test_processes_of_a_sweep_end_with_the_one_that_is_killed(start):
     code = (
-        "import os; from haptic_device.analysis.sweep import spread;"
+        "import os; from haptic_device.theory.sweep import spread;"
         "[print(pid, flush=True) or input() for _, pid in spread(os.getpid, {0: ()}, 1)]"
     )
     process = start([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE)

@@ -14,11 +14,11 @@ from live_demo import HAPTIC
 from typer.testing import CliRunner
 from waiting import output, until
 
-from haptic_device.config_files import find
-from haptic_device.description import load_device
-from haptic_sim.cli.identify import identify
-from haptic_sim.supervision.pair import on_pair, running
-from haptic_sim.supervision.tuning import Tuning
+from haptic_device.config.description import load_device
+from haptic_device.config.files import find
+from haptic_display.cli.identify import identify
+from haptic_display.device_tools.pair import on_pair, running
+from haptic_display.device_tools.tuning import Tuning
 
 pytestmark = pytest.mark.timeout(900)
 

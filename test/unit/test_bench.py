@@ -14,8 +14,8 @@ from bench.methods.measure import Run, run
 from bench.reference.case import case
 from bench.reference.reference import reference
 from haptic_device.realtime import machine
-from haptic_sim.error_metrics import STABLE, judge
-from haptic_sim.supervision import machine_trial
+from haptic_display.run import machine_trial
+from haptic_sim.lockstep.error_metrics import STABLE, judge
 
 
 def trial(p999, missed=0):

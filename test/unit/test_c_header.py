@@ -15,7 +15,7 @@ from haptic_device.control import faults
 from haptic_device.realtime import atomic, servo_writes, shared_memory
 from haptic_device.realtime.hardware_interface import SharedMemoryInterface
 from haptic_device.realtime.shared_memory import file_name
-from haptic_sim.supervision import conformance
+from haptic_display.device_tools import conformance
 
 HEADER, EXAMPLE = FIRMWARE / "haptic_device.h", FIRMWARE / "examples/own_device.c"
 STRICT = "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-I", str(FIRMWARE)

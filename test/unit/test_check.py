@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from in_process import haptic
 
-from haptic_sim.config_problems import problems, remark
+from haptic_display.run.config_problems import problems, remark
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.promise import kept_rows, unkept_wish
 from haptic_sim.scene.language import load
@@ -50,7 +50,7 @@ def test_the_command_prints_each_mistake_and_exits_with_one(tmp_path):
 
 
 def test_checking_needs_no_ros():
-    code = "import sys; import haptic_sim.cli.check; print(sorted({'rclpy', 'sensor_msgs'} & set(sys.modules)))"
+    code = "import sys; import haptic_display.cli.check; print(sorted({'rclpy', 'sensor_msgs'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout == "[]\n", done.stderr
 

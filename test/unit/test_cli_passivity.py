@@ -7,7 +7,7 @@ import math
 import pytest
 from in_process import haptic
 
-from haptic_device.analysis.assessment import Display, advise, assess
+from haptic_device.theory.assessment import Display, advise, assess
 
 PROMISED = {"passive", "stable", "margin", "b_required", "mu_passive", "mu_margin"}
 PROMISED |= {f"stiffness_max_{kind}" for kind in ("passive", "stable", "mu")}

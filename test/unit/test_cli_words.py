@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from in_process import haptic
 
-from haptic_device.config_files import find
+from haptic_device.config.files import find
 from haptic_device.control.withheld import TABLE
-from haptic_device.withheld_time import SHORT
-from haptic_sim.cli import demo, outcome_rows, tables
-from haptic_sim.cli.words import next_step, shown_path
-from haptic_sim.outcome import nothing
+from haptic_device.control.withheld_time import SHORT
+from haptic_display.cli import demo, outcome_rows, tables
+from haptic_display.cli.words import next_step, shown_path
+from haptic_display.run.outcome import nothing
 
 PASSIVITY = "--damping 0 --physical-damping 1 --period 0.001 --stiffness"
 SPREAD = {"p50": 12.3456, "p99": 45.0, "p999": 80.0, "max": 1234.5}

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from in_process import haptic
 
-from haptic_device.analysis import sweep
-from haptic_sim.cli import zwidth as cli
+from haptic_device.theory import sweep
+from haptic_display.cli import zwidth as cli
 
 
 def zwidth(folder, *words, **options):

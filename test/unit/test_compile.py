@@ -6,14 +6,14 @@ import math
 import numpy as np
 import pytest
 
-from haptic_device.config_files import names
+from haptic_device.config.files import names
+from haptic_sim.lockstep.verify import within
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.measured import of_scene
 from haptic_sim.reduction.method_choice import GREASE, HOLDS, LOAD, SHORT, STEPS, STIFFNESS, TOUCHING
 from haptic_sim.reduction.model import SPRING
 from haptic_sim.scene.geometry import turned
 from haptic_sim.scene.language import load, parse
-from haptic_sim.verify import within
 
 DISC = {"mass": 0.1, "pose": [0.5, 0.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}
 BAR = {"name": "bar", "mass": 1.0, "shapes": [{"box": {"size": [0.2, 0.02], "center": [0.1, 0.0]}}]}

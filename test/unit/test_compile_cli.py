@@ -13,8 +13,8 @@ from in_process import haptic
 from made_up_clock import Clock
 
 from haptic_device import jit
-from haptic_sim.cli import compile as command
-from haptic_sim.cli import progress
+from haptic_display.cli import compile as command
+from haptic_display.cli import progress
 
 GROUPS = ["servo", "methods", "bridge"]
 LINE = re.compile(r" *([\d.]+) s   compiling, once for this machine: (\d+) kernels, (\d+) of 3 groups")

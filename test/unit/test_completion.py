@@ -4,11 +4,11 @@
 import pytest
 from in_process import haptic
 
-from haptic_device.config_files import names
-from haptic_device.parameters import EXCHANGE_METHODS
-from haptic_sim.cli.completion import COMPLETING
-from haptic_sim.cli.main import COMMANDS
-from haptic_sim.node_parameters import NODES
+from haptic_device.config.files import names
+from haptic_device.config.parameters import EXCHANGE_METHODS
+from haptic_display.cli.completion import COMPLETING
+from haptic_display.cli.main import COMMANDS
+from haptic_sim.node.parameters import NODES
 
 
 @pytest.fixture

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from lockstep_systems import device, values
 
 from adversary.horizon import energy_generated_over_horizon
-from haptic_device import controller_config, gain_check
-from haptic_device.analysis.assessment import Display, assess
-from haptic_device.analysis.coupling_damping import least_damping_for_any_simulation
-from haptic_device.analysis.mu import mu_margin
-from haptic_device.analysis.transfer import wall_transfer
+from haptic_device.control import controller_config, gain_check
 from haptic_device.control.passivity import coupling_damping, least_damping
+from haptic_device.theory.assessment import Display, assess
+from haptic_device.theory.coupling_damping import least_damping_for_any_simulation
+from haptic_device.theory.mu import mu_margin
+from haptic_device.theory.transfer import wall_transfer
 
 DESKTOP = device(axes=1)
 DRAWS = tries(96)

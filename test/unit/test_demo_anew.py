@@ -5,10 +5,10 @@ import json
 
 import pytest
 
-from haptic_device.config_files import find
-from haptic_sim.cli import demo
-from haptic_sim.supervision.follow import Ending
-from haptic_sim.supervision.system import Order
+from haptic_device.config.files import find
+from haptic_display.cli import demo
+from haptic_display.run.follow import Ending
+from haptic_display.run.system import Order
 
 SILENT = Ending("the motion did not begin: …", "device_silent", True, False)
 WITHHELD = Ending("no motor command came: waiting for a small force; force withheld for …", "", False, False)

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_device import controller_config
-from haptic_device.control import velocity_estimator
-from haptic_device.description import load_device
+from haptic_device.config.description import load_device
+from haptic_device.control import controller_config, velocity_estimator
 from haptic_device.device import loopback_config, plant
 
 DESKTOP = load_device("desktop")

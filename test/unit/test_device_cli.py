@@ -22,24 +22,20 @@ from in_process import haptic
 from link_frames import stuffed, unstuffed
 from serial.tools.list_ports_linux import SysFS
 
-from haptic_device.config_files import ConfigError
-from haptic_device.description import load_device
+from haptic_device.config.description import load_device
+from haptic_device.config.files import ConfigError
 from haptic_device.realtime import shared_memory
 from haptic_device.realtime.hardware_interface import COUNTS, LATCHED, SAMPLE, STATUS
 from haptic_device.realtime.null_device import NullDevice
-from haptic_device.status import Status
-from haptic_sim.cli import device as cli
-from haptic_sim.supervision import (
-    conformance,
-    device_figures,
-    device_page,
-    device_probe,
-    device_programs,
-    device_questions,
-    device_search,
-    device_set_up,
-    serial_ports,
-)
+from haptic_device.recording.status import Status
+from haptic_display.cli import device as cli
+from haptic_display.device_tools import conformance, device_page, serial_ports
+from haptic_display.device_tools import figures as device_figures
+from haptic_display.device_tools import probe as device_probe
+from haptic_display.device_tools import questions as device_questions
+from haptic_display.device_tools import search as device_search
+from haptic_display.device_tools import set_up as device_set_up
+from haptic_display.run import device_programs
 
 MS = 1_000_000
 

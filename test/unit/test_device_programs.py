@@ -4,10 +4,10 @@
 import pytest
 from in_process import haptic
 
-from haptic_device.description import load_device
-from haptic_sim.supervision import reference_device
-from haptic_sim.supervision.device_programs import BRIDGE, LOOPBACK, MODULES, REFERENCE, device_node, device_programs
-from haptic_sim.supervision.system import led_by_hand
+from haptic_device.config.description import load_device
+from haptic_display.run import reference_device
+from haptic_display.run.device_programs import BRIDGE, LOOPBACK, MODULES, REFERENCE, device_node, device_programs
+from haptic_display.run.system import led_by_hand
 
 HAND = {"motion.name": "hold", "motor_watchdog": 0.5}
 

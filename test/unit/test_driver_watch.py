@@ -11,14 +11,13 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
-from haptic_device import controller_config, gain_check
-from haptic_device.control import enable_state, faults, records
+from haptic_device.control import controller_config, enable_state, faults, gain_check, records
+from haptic_device.control.withheld_time import WithheldTime
 from haptic_device.nodes import driver as module
 from haptic_device.nodes.fault_detail import LatchedFault
 from haptic_device.realtime import servo_loop
 from haptic_device.realtime.null_device import NullDevice
 from haptic_device.realtime.servo_thread import ServoThread
-from haptic_device.withheld_time import WithheldTime
 
 BEYOND = {
     "wall.normals": [0.0, 1.0],

@@ -7,10 +7,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from haptic_sim.cli import parameters, status
-from haptic_sim.cli.status import _listen, newest
-from haptic_sim.client import Client
-from haptic_sim.service_requests import list_parameters
+from haptic_display.cli import parameters, status
+from haptic_display.cli.status import _listen, newest
+from haptic_display.client import Client
+from haptic_display.service_requests import list_parameters
 
 SHORT = 0.05  # [s]
 

@@ -7,8 +7,8 @@ import pytest
 
 from bench.reference.trial import attempt
 from haptic_sim.exchange.simulation import HandleSample, Simulation
+from haptic_sim.lockstep.rollout import EXCHANGE_NS, GAINS, hand
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.rollout import EXCHANGE_NS, GAINS, hand
 from haptic_sim.scene.language import load
 
 STILL = (0.0, 0.0, 0.0)

@@ -7,8 +7,7 @@ from exchange_systems import demo_system, one_axis
 from ticks import tick
 
 from adversary import exchange_search as adversary
-from haptic_device import gain_check
-from haptic_device.control import enable_state, energy_tank, faults, virtual_coupling
+from haptic_device.control import enable_state, energy_tank, faults, gain_check, virtual_coupling
 
 STIFFNESS, DAMPING, PERIOD, FASTEST = 2000.0, 2.0, 0.5e-3, 1.0  # [N/m], [N s/m], [s], [m/s] of the device
 BUDGET, STRETCH = 0.005, 0.004  # [J], [m]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from lockstep_systems import device, values, wall_system
 
 from haptic_device.control import damping_compensation, velocity_estimator
-from haptic_sim.replay.lockstep import Lockstep
+from haptic_sim.lockstep.lockstep import Lockstep
 
 TICK, STEP = 1 / 4000.0, 1e-5
 

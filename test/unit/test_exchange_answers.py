@@ -9,16 +9,16 @@ import pytest
 from handle_samples import GAINS, HOME, MS, TOOL, Recording, handle
 from made_up_clock import Clock
 
+from haptic_device.config.parameter_types import defaults
 from haptic_device.control import exchange_samples
 from haptic_device.control import tool_side_tank as law_port
 from haptic_device.message_fields import TAIL, exchange_names
-from haptic_device.parameter_types import defaults
 from haptic_device.recording.layouts import JointLayout
 from haptic_sim.exchange import endpoint
 from haptic_sim.exchange.endpoint import DEVICE_SILENCE_NS, RETURN_NS, SILENCE_NS, ExchangeEndpoint
 from haptic_sim.exchange.port import port_of
 from haptic_sim.exchange.simulation import Simulation
-from haptic_sim.node_parameters import NODES
+from haptic_sim.node.parameters import NODES
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene.language import load
 

@@ -12,7 +12,7 @@ from bench.exchange import exchange as bench_exchange
 from bench.exchange import felt as local_felt
 from bench.exchange import local as bench_local
 from bench.exchange.exchange import Case, Figures, measure
-from haptic_sim.replay.lockstep import PERFECT, Network
+from haptic_sim.lockstep.lockstep import PERFECT, Network
 
 pytestmark = pytest.mark.timeout(600)  # kernels that nobody has used yet are compiled
 

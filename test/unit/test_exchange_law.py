@@ -13,10 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fault_injection.flood import mutated
+from haptic_device.config.parameters import EXCHANGE_METHODS
 from haptic_device.control import exchange_samples as law
 from haptic_device.control import records
 from haptic_device.message_fields import TAIL, exchange_names
-from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.realtime import clock, exchange_step, servo_loop
 from haptic_device.realtime.seqlock import SeqLock
 from haptic_device.recording.layouts import JointLayout

@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from haptic_device.analysis.impedance import fit
-from haptic_device.analysis.oscillation import LEAST_FORCE, spectrum_of
-from haptic_device.analysis.probe import GroundTruth, apparent_damping
-from haptic_device.analysis.wall_contacts import contacts, touching
+from haptic_device.theory.probe import GroundTruth, apparent_damping
+from haptic_display.run.report.impedance import fit
+from haptic_display.run.report.oscillation import LEAST_FORCE, spectrum_of
+from haptic_display.run.report.wall_contacts import contacts, touching
 
 MASS, DAMPING, STIFFNESS = 0.1, 4.0, 1500.0
 

@@ -16,13 +16,13 @@ from in_process import haptic
 from PIL import Image
 from stored_bags import records_of, write
 
-from haptic_device.analysis.report.reading import read_run
-from haptic_sim.film import page as pages
-from haptic_sim.film import reading
-from haptic_sim.film.clock import MOST, Clock
-from haptic_sim.film.gif import PERIOD, SECONDS, pictures_of
-from haptic_sim.film.page import page_of
-from haptic_sim.film.reading import film_of
+from haptic_display.page.film import page as pages
+from haptic_display.page.film import reading
+from haptic_display.page.film.clock import MOST, Clock
+from haptic_display.page.film.gif import PERIOD, SECONDS, pictures_of
+from haptic_display.page.film.page import page_of
+from haptic_display.page.film.reading import film_of
+from haptic_display.run.report.reading import read_run
 from haptic_sim.scene.drawing import drawing_of
 from haptic_sim.scene.language import load
 

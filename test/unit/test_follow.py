@@ -11,9 +11,9 @@ from made_up_clock import Clock
 from haptic_device.control.enable_state import STATES
 from haptic_device.control.enable_state import WAITING as WAITING_STATE
 from haptic_device.control.faults import TABLE
-from haptic_device.status import Status
-from haptic_sim.fault_sentence import called, what_to_do
-from haptic_sim.supervision import follow, news
+from haptic_device.recording.status import Status
+from haptic_display.fault_sentence import called, what_to_do
+from haptic_display.run import follow, news
 
 
 class Run:

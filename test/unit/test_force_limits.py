@@ -12,8 +12,7 @@ from lockstep_systems import wall_system
 from ticks import tick
 
 from adversary import exchange_search
-from haptic_device import gain_check
-from haptic_device.control import enable_state, faults, virtual_coupling
+from haptic_device.control import enable_state, faults, gain_check, virtual_coupling
 
 TICK = 1 / 4000.0
 COUNTS = 1e9  # per metre, of a handle whose steps are not the matter

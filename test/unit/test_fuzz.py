@@ -15,7 +15,7 @@ from fault_injection.flood import mutated
 from haptic_device.message_fields import AXES
 from haptic_device.nodes import messages
 from haptic_device.recording.layouts import JointLayout
-from haptic_sim.config_problems import problems
+from haptic_display.run.config_problems import problems
 
 SHIPPED = sorted((Path(__file__).resolve().parents[2] / "config").rglob("*.yaml"))
 MUTATED_FILES = 30

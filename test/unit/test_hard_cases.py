@@ -13,10 +13,10 @@ from examples import searching
 
 from bench.methods import hard_cases
 from bench.reference.trial import attempt, jump
+from haptic_sim.lockstep.rollout import FAR, GAINS, rollout
 from haptic_sim.method_registry import make
 from haptic_sim.protocol import StepResult, held
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.rollout import FAR, GAINS, rollout
 from haptic_sim.scene.geometry import framed
 from haptic_sim.scene.language import Scene, load
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import typer
 from in_process import haptic
 
-from haptic_sim.cli.main import COMMANDS
+from haptic_display.cli.main import COMMANDS
 
 PAGE = (Path(__file__).parents[2] / "docs/reference/cli.md").read_text(encoding="utf-8")
 
@@ -60,8 +60,10 @@ def test_help_of_every_command_keeps_every_word_of_every_option_in_eighty_column
 def test_help_of_haptic_lists_each_command_with_a_whole_sentence_and_imports_none():
     shown = " ".join(haptic("-h").stdout.split())
     assert all(f"{name} {what}" in shown and what.endswith(".") for name, (_, what) in COMMANDS.items())
-    code = "import sys; sys.argv[1:] = ['-h']; from haptic_sim.cli.main import main\n"
-    code += "try: main()\nexcept SystemExit: print([m for m in ('numpy', 'haptic_sim.cli.demo') if m in sys.modules])"
+    code = "import sys; sys.argv[1:] = ['-h']; from haptic_display.cli.main import main\n"
+    code += (
+        "try: main()\nexcept SystemExit: print([m for m in ('numpy', 'haptic_display.cli.demo') if m in sys.modules])"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout.splitlines()[-1] == "[]", done
 

@@ -6,19 +6,18 @@ import functools
 import numpy as np
 import pytest
 
-from haptic_device import controller_config
-from haptic_device.analysis.excitation import tool_twists, wall_jumps
-from haptic_device.analysis.identify import NAMES, Trace, identify, resolution_of, trace_of
-from haptic_device.control import enable_state, records
-from haptic_device.description import Axis, Device, load_device
+from haptic_device.config.description import Axis, Device, load_device
+from haptic_device.config.parameter_types import defaults
+from haptic_device.config.parameters import OPERATING_POINT, OPERATOR
+from haptic_device.control import controller_config, enable_state, records
 from haptic_device.device import loopback_config, operator_hand, plant, simulated_device
-from haptic_device.parameter_types import defaults
-from haptic_device.parameters import OPERATING_POINT, OPERATOR
 from haptic_device.realtime import servo_loop
-from haptic_device.status import Status
-from haptic_sim.supervision.excitation import unbroken
-from haptic_sim.supervision.identification import estimate, write_description
-from haptic_sim.supervision.tuning import refuse_other_device
+from haptic_device.recording.status import Status
+from haptic_device.theory.excitation import tool_twists, wall_jumps
+from haptic_device.theory.identify import NAMES, Trace, identify, resolution_of, trace_of
+from haptic_display.device_tools.excitation import unbroken
+from haptic_display.device_tools.identification import estimate, write_description
+from haptic_display.device_tools.tuning import refuse_other_device
 
 
 def test_a_driver_of_another_device_is_refused_by_name_and_where_damping_is_described_by_that():

@@ -32,14 +32,18 @@ def python(script, cwd=ROOT, **environment):
 
 def test_whatever_a_kernel_may_be_made_of_changes_the_folder_and_a_command_or_a_page_does_not(tmp_path, monkeypatch):
     tree = tmp_path / "tree"
-    for package in ("haptic_device", "haptic_sim"):
+    for package in ("haptic_device", "haptic_display", "haptic_sim"):
         shutil.copytree(ROOT / package, tree / package, ignore=shutil.ignore_patterns("__pycache__"))
     monkeypatch.setattr(jit, "ROOT", tree)
     before = jit.digest()
-    for source in ("haptic_sim/cli/demo.py", "haptic_sim/viewer/commands.py", "haptic_sim/cli/main.py"):
+    for source in ("haptic_display/cli/demo.py", "haptic_display/page/commands.py", "haptic_display/cli/main.py"):
         os.utime(tree / source, (1.0, 1.0))
     assert jit.digest() == before
-    for source in ("haptic_device/control/virtual_wall.py", "haptic_device/parameters.py", "haptic_sim/kernels.py"):
+    for source in (
+        "haptic_device/control/virtual_wall.py",
+        "haptic_device/config/parameters.py",
+        "haptic_display/run/kernels.py",
+    ):
         os.utime(tree / source, (1.0, 1.0))
         assert jit.digest() != before
         before = jit.digest()
@@ -58,7 +62,7 @@ def test_folders_of_old_sources_are_removed_and_the_own_one_stays(tmp_path):
 LOCKSTEP = """
     import numpy as np
     from lockstep_systems import device, values
-    from haptic_device import controller_config
+    from haptic_device.control import controller_config
     from haptic_device.control.records import STATE, TRACE_ROW
     from haptic_device.device import loopback_config, simulated_device
     from haptic_device.realtime import servo_loop

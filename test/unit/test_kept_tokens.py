@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from in_process import haptic
 
-from haptic_sim.viewer import kept_tokens
-from haptic_sim.viewer import server as server_module
-from haptic_sim.viewer.server import PORTS, Server
+from haptic_display.page import kept_tokens
+from haptic_display.page import server as server_module
+from haptic_display.page.server import PORTS, Server
 
 
 @pytest.fixture
@@ -95,7 +95,7 @@ def test_the_default_port_goes_on_to_the_next_that_is_free_with_links_for_this_t
 
 def test_view_with_new_link_makes_the_old_links_open_nothing(home, monkeypatch):
     before, _ = kept_tokens.kept()
-    monkeypatch.setattr("haptic_sim.viewer.viewer.main", lambda args, stop: 0)
+    monkeypatch.setattr("haptic_display.page.viewer.main", lambda args, stop: 0)
     for words, same in (((), True), (("--new-link",), False)):
         assert haptic("view", *words).returncode == 0
         assert bool(set(kept_tokens.kept()[0]) & set(before)) == same

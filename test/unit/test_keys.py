@@ -12,14 +12,14 @@ from types import SimpleNamespace
 import pytest
 import waiting
 
+from haptic_device.config.parameters import DRIVER_FIGURES, LOOPBACK_FIGURES
 from haptic_device.nodes import diagnostics
-from haptic_device.parameters import DRIVER_FIGURES, LOOPBACK_FIGURES
-from haptic_device.status import Status
-from haptic_sim.cli.keys import ESTOP, keys, stop_key
-from haptic_sim.cli.status import KEYS, _answers, _drivers, newest
-from haptic_sim.cli.view import view
-from haptic_sim.node_parameters import FIGURES
-from haptic_sim.viewer import viewer
+from haptic_device.recording.status import Status
+from haptic_display.cli.keys import ESTOP, keys, stop_key
+from haptic_display.cli.status import KEYS, _answers, _drivers, newest
+from haptic_display.cli.view import view
+from haptic_display.page import viewer
+from haptic_sim.node.parameters import FIGURES
 
 DRIVER = Status(0, 0, "idle", {"namespace": "/haptic"})
 LEFT = {"haptic_driver": (Status(0, 0, "idle", {"namespace": "/left"}), time.monotonic())}
@@ -70,7 +70,7 @@ for background in (True, False):
         if background:
             os.setpgid(0, 0)
         os.dup2(terminal, 0)
-        from haptic_sim.cli.keys import keys, stop_key
+        from haptic_display.cli.keys import keys, stop_key
         with stop_key() as stop, keys() as pressed:
             print(background, stop is None, repr(pressed()), flush=True)
         os._exit(0)

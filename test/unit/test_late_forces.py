@@ -14,12 +14,12 @@ from adversary import exchange_search as adversary
 from adversary.late_cases import BUDGET, CASES, drawn, settings_of
 from adversary.late_forces import most_given
 from adversary.tool_samples import AGE, DEVICE, MOVED, VELOCITY
-from haptic_device import gain_check
+from haptic_device.control import gain_check
 from haptic_device.device import operator_hand
 from haptic_sim.exchange.port import port_of
 from haptic_sim.exchange.simulation import Simulation
+from haptic_sim.lockstep.lockstep import Lockstep
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.replay.lockstep import Lockstep
 from haptic_sim.scene.language import load
 
 METHODS = "pspm", "local"

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from lifecycle_msgs.msg import Transition
 
-from haptic_sim.supervision.system import TOGETHER
+from haptic_display.run.system import TOGETHER
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -92,10 +92,10 @@ def test_a_launch_file_runs_in_the_python_of_ros2_which_has_not_our_libraries(fi
         known = {*sys.stdlib_module_names, "launch", "launch_ros", "lifecycle_msgs", "yaml"}
         return {name for name in found if name.split(".")[0] not in known}
 
-    ours = {f"haptic_device.{name}" for name in ("config_files", "os_errors", "yaml_reader")}
+    ours = {"haptic_device.config.files", "haptic_device.config.yaml_reader", "haptic_device.os_errors"}
     ours |= {"haptic_sim.scene.motion"}
     assert foreign(file) <= ours
-    for module in (*ours, "haptic_device.__init__", "haptic_sim.__init__"):
+    for module in (*ours, *(f"haptic_{folder}.__init__" for folder in ("device", "device.config", "sim", "sim.scene"))):
         assert foreign(ROOT / f"{module.replace('.', '/')}.py") <= ours
 
 

@@ -13,10 +13,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from haptic_device.config.link_registry import SPEEDS
 from haptic_device.link import line
 from haptic_device.link.open_serial import Options as SerialOptions
 from haptic_device.link.open_udp import Options as UdpOptions
-from haptic_device.link_registry import SPEEDS
 
 MS = 1_000_000  # [ns]
 

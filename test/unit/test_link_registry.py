@@ -9,10 +9,10 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from haptic_device.config_files import ConfigError
-from haptic_device.description import load_device, parse
+from haptic_device.config.description import load_device, parse
+from haptic_device.config.files import ConfigError
+from haptic_device.config.link_registry import LINKS, SERVED, Link
 from haptic_device.link import codec, open_serial, open_udp
-from haptic_device.link_registry import LINKS, SERVED, Link
 from haptic_device.nodes.bridge import address, contradictions, pointed
 
 AXIS = {"name": "x", "counts_per_unit": 1000.0, "motor_limit": 2.0, "workspace": [-1.0, 1.0], "velocity_limit": 1.0}

@@ -23,9 +23,9 @@ from haptic_device.message_fields import COMMON, EACH, LOCAL_CONTACT, MOST
 from haptic_device.realtime import exchange_step, seqlock, tick_replay
 from haptic_device.recording.layouts import CloudLayout
 from haptic_device.recording.writer import Bag
-from haptic_sim.cli.replay import replay
+from haptic_display.cli.replay import replay
 from haptic_sim.exchange.endpoint import ExchangeEndpoint
-from haptic_sim.replay.lockstep import Network
+from haptic_sim.lockstep.lockstep import Network
 from haptic_sim.scene.language import load, parse
 from haptic_sim.scene.shapes import Material
 

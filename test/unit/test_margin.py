@@ -12,8 +12,7 @@ from lockstep_systems import device, values
 
 from adversary.switching import switched_cancellation_damping
 from bench.reference import closed_forms
-from haptic_device import controller_config, gain_check
-from haptic_device.control import passivity, velocity_estimator
+from haptic_device.control import controller_config, gain_check, passivity, velocity_estimator
 from haptic_device.nodes.driver import DriverNode
 
 NO_COUPLING = {"coupling__stiffness": 0.0, "coupling__damping": 0.0}

@@ -4,10 +4,10 @@
 import pytest
 from lockstep_systems import values
 
-from haptic_device.description import load_device
+from haptic_device.config.description import load_device
 from haptic_sim.exchange.simulation import Simulation
+from haptic_sim.lockstep.lockstep import Lockstep
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.replay.lockstep import Lockstep
 from haptic_sim.scene.language import load
 
 pytestmark = pytest.mark.timeout(600)  # kernels that nobody has used yet are compiled

@@ -7,7 +7,7 @@ from typing import get_args
 import pytest
 
 from bench.methods import world as measured_worlds
-from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_device.config.parameters import EXCHANGE_METHODS
 from haptic_sim.exchange.port import port_of
 from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.method_registry import AUTO, METHODS, Entry, make, offered
@@ -50,7 +50,7 @@ def test_without_the_line_a_scene_that_asks_for_it_is_refused_with_the_names_tha
 
 
 def test_parameters_measurements_and_pages_name_what_is_registered():
-    from haptic_sim.node_parameters import Simulation as Parameters
+    from haptic_sim.node.parameters import Simulation as Parameters
 
     assert get_args(Parameters.model_fields["method"].annotation) == (AUTO, *offered())
     assert tuple(METHODS) == measured_worlds.OURS

@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.reference.closed_forms import wall_damping_for_any_simulation
-from haptic_device.analysis.coupling_damping import least_damping_for_any_simulation
-from haptic_device.analysis.mu import mu_margin
-from haptic_device.analysis.passivity import least_damping
-from haptic_device.analysis.stability import largest_stable_stiffness
-from haptic_device.analysis.transfer import wall_transfer
+from haptic_device.theory.coupling_damping import least_damping_for_any_simulation
+from haptic_device.theory.mu import mu_margin
+from haptic_device.theory.passivity import least_damping
+from haptic_device.theory.stability import largest_stable_stiffness
+from haptic_device.theory.transfer import wall_transfer
 
 control = pytest.importorskip("control")
 

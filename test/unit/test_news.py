@@ -9,9 +9,10 @@ import pytest
 from made_up_clock import Clock
 
 from haptic_device.control.records import TRACE_ROW
-from haptic_device.status import Status
-from haptic_sim.supervision import news, pair, tuning
-from haptic_sim.supervision.tuning import FaultError, Tuning
+from haptic_device.recording.status import Status
+from haptic_display.device_tools import pair, tuning
+from haptic_display.device_tools.tuning import FaultError, Tuning
+from haptic_display.run import news
 
 
 class Heard:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from haptic_sim.supervision.node_manager import HAND, NETWORK, NodeManager
-from haptic_sim.supervision.system import Order
+from haptic_display.page.node_manager import HAND, NETWORK, NodeManager
+from haptic_display.run.system import Order
 
 POINT = Path(__file__).parents[1] / "busy.yaml"
 DRIVER, SIMULATION = "haptic_driver", "haptic_simulation"

@@ -11,11 +11,11 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from haptic_device import yaml_reader
+from haptic_device.config import yaml_reader
+from haptic_device.config.parameter_types import Parameter, defaults
 from haptic_device.nodes.ros import KINDS, refuse_files_of_others
 from haptic_device.nodes.ros_parameters import declare, on_change
-from haptic_device.parameter_types import Parameter, defaults
-from haptic_sim.node_parameters import NODES
+from haptic_sim.node.parameters import NODES
 
 STIFFNESS = Parameter("wall.stiffness", 1000.0, "N/m", "stiffness of the wall", low=0.0, high=5000.0, live=True)
 RATE = Parameter("rate", 4000, "Hz", "servo rate", low=1000, high=10000)

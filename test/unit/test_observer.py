@@ -11,8 +11,7 @@ from lockstep_systems import wall_system
 from ticks import tick
 
 from adversary import exchange_search
-from haptic_device import gain_check
-from haptic_device.control import enable_state, faults, passivity, virtual_coupling
+from haptic_device.control import enable_state, faults, gain_check, passivity, virtual_coupling
 
 TICK = 1 / 4000.0
 ROUNDING = 1e-9  # [J] against stores of 10 to 100 mJ

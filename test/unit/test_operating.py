@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 from lockstep_systems import device, values
 
-from haptic_device import controller_config
-from haptic_device.control import exchange_samples
-from haptic_device.description import load_device
+from haptic_device.config.description import load_device
+from haptic_device.config.parameters import OPERATING_POINT
+from haptic_device.control import controller_config, exchange_samples
 from haptic_device.device import loopback_config, operator_hand
-from haptic_device.parameters import OPERATING_POINT
 
 DESKTOP = load_device("desktop")
 

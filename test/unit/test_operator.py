@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from plants import FREE, InC
 
+from haptic_device.config.parameter_types import defaults
+from haptic_device.config.parameters import OPERATOR, SCRIPTS
 from haptic_device.device import operator_hand
-from haptic_device.parameter_types import defaults
-from haptic_device.parameters import OPERATOR, SCRIPTS
 
 START, ABOVE, TARGET = (0.01, 0.05, 0.1), (0.03, 0.05, 0.1), (0.03, -0.02, -0.2)
 ENDS = {"insert_peg": TARGET, "let_go": TARGET, "waypoints": TARGET} | dict.fromkeys(

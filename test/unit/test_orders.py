@@ -17,8 +17,8 @@ from scipy.integrate import solve_ivp
 from bench.methods.world import make
 from bench.reference.case import case
 from bench.reference.reference import apart, reference
+from haptic_sim.lockstep.rollout import rollout
 from haptic_sim.protocol import STILL, held
-from haptic_sim.rollout import rollout
 from haptic_sim.scene.language import Scene
 
 FINE, COARSE = (0.5e-3, 0.25e-3, 0.125e-3, 0.0625e-3), (50e-3, 25e-3, 12.5e-3)

@@ -8,16 +8,16 @@ from types import SimpleNamespace
 import pytest
 from bag_of_a_run import BOOT_TO_EPOCH, CLOUD, JOINTS, PERIOD_NS, cloud, joints, swing, write_bag, write_run
 
-from haptic_device.analysis.report.reading import read_run
-from haptic_device.analysis.report.run import Run
-from haptic_device.analysis.report.summary import GOALS, REACHED
 from haptic_device.control.faults import TABLE
 from haptic_device.recording import load
-from haptic_device.status import Status
-from haptic_sim import outcome
-from haptic_sim.cli.status import newest
+from haptic_device.recording.status import Status
+from haptic_display.cli.status import newest
+from haptic_display.run import outcome
+from haptic_display.run.outcome import ANSWERED, done_at, not_done
+from haptic_display.run.report.reading import read_run
+from haptic_display.run.report.run import Run
+from haptic_display.run.report.summary import GOALS, REACHED
 from haptic_sim.exchange.left_out_time import CHEAPER, QUIETER, SHARE
-from haptic_sim.outcome import ANSWERED, done_at, not_done
 from haptic_sim.scene.language import Task
 
 SERVO = {"lateness_us": {"p50": 8.0, "p99": 321.0, "max": 4567.0}, "missed": 12}

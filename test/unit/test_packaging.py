@@ -12,6 +12,7 @@ from importlib.metadata import distribution, packages_distributions
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = {"haptic_device", "haptic_display", "haptic_sim"}
 EXECUTABLES = sorted(path.name for path in (ROOT / "scripts").iterdir())
 
 
@@ -34,11 +35,11 @@ def test_package_description_and_python_metadata_agree():
 @functools.cache
 def imported():
     """Top-level names of everything outside the standard library that the package's modules import."""
-    files = [*(ROOT / "haptic_device").rglob("*.py"), *(ROOT / "haptic_sim").rglob("*.py")]
+    files = [file for package in PACKAGES for file in (ROOT / package).rglob("*.py")]
     nodes = [node for file in files for node in ast.walk(ast.parse(file.read_text()))]
     names = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
     names |= {node.module for node in nodes if isinstance(node, ast.ImportFrom) and not node.level}
-    return {name.split(".")[0] for name in names} - sys.stdlib_module_names - {"haptic_device", "haptic_sim"}
+    return {name.split(".")[0] for name in names} - sys.stdlib_module_names - PACKAGES
 
 
 def is_ros(name):

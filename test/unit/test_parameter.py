@@ -10,12 +10,12 @@ from examples import few
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from haptic_device import yaml_reader
-from haptic_device.parameter_files import operating_point_problems, read_operating_point
-from haptic_device.parameter_types import Group, Parameter, check_value, fixed, live, parameters_of
-from haptic_sim.cli import parameters
-from haptic_sim.node_parameters import NODES as ALL_NODES
-from haptic_sim.supervision.processes import parameter_text
+from haptic_device.config import yaml_reader
+from haptic_device.config.parameter_files import operating_point_problems, read_operating_point
+from haptic_device.config.parameter_types import Group, Parameter, check_value, fixed, live, parameters_of
+from haptic_display.cli import parameters
+from haptic_display.run.processes import parameter_text
+from haptic_sim.node.parameters import NODES as ALL_NODES
 
 STIFFNESS = Parameter("wall.stiffness", 1000.0, "N/m", "stiffness of the wall", 0.0, 5000.0, live=True, felt=5000.0)
 RATE = Parameter("rate", 4000, "Hz", "servo rate", low=1000, high=10000)

@@ -9,7 +9,7 @@ import pytest
 
 from haptic_device.nodes import participant_id as ports
 from haptic_device.nodes.participant_id import EACH, KINDS, PROFILES, free_ids, own_participant_id, queues
-from haptic_sim.supervision.domain import _QUICK
+from haptic_display.run.domain import _QUICK
 
 
 @pytest.fixture(autouse=True)

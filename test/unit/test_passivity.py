@@ -15,12 +15,12 @@ from bench.reference.closed_forms import (
     late_tick_damping,
     wall_damping,
 )
-from haptic_device.analysis.assessment import coulomb_friction_needed
-from haptic_device.analysis.delay import largest_passive_stiffness, least_damping_delayed, wall_damping_needed
-from haptic_device.analysis.passivity import damping_demand, least_damping
-from haptic_device.analysis.stability import largest_stable_stiffness
-from haptic_device.analysis.transfer import wall_transfer
 from haptic_device.control import passivity
+from haptic_device.theory.assessment import coulomb_friction_needed
+from haptic_device.theory.delay import largest_passive_stiffness, least_damping_delayed, wall_damping_needed
+from haptic_device.theory.passivity import damping_demand, least_damping
+from haptic_device.theory.stability import largest_stable_stiffness
+from haptic_device.theory.transfer import wall_transfer
 
 DRAWS = 500  # `python -m bench theory`: 2000
 STIFFNESS = st.floats(1.0, 1e5)

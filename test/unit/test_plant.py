@@ -13,7 +13,7 @@ from plants import FREE, InC, InPython
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from haptic_device.description import SUB_STEP
+from haptic_device.config.description import SUB_STEP
 from haptic_device.device import plant
 
 # both libraries

@@ -13,9 +13,9 @@ from haptic_device.control import tool_side_tank
 from haptic_sim.exchange.port import PspmPort, port_of
 from haptic_sim.exchange.port_limits import BUDGET, Limits
 from haptic_sim.exchange.simulation import HandleSample, Simulation
+from haptic_sim.lockstep.rollout import GAINS
 from haptic_sim.protocol import STILL, Coupling, StepResult, along
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.rollout import GAINS
 from haptic_sim.scene.language import load
 
 H, MS = 0.25e-3, 1_000_000

@@ -4,11 +4,11 @@
 import numpy as np
 import pytest
 
-from haptic_device.analysis import probe
+from haptic_device.config.description import load_device
 from haptic_device.control import faults
-from haptic_device.description import load_device
-from haptic_sim.supervision.zwidth import TRIES, LiveDisplay
-from haptic_sim.supervision.zwidth_lockstep import DEPTH, PHASES, WALL, LockstepDisplay
+from haptic_device.theory import probe
+from haptic_display.device_tools.zwidth import TRIES, LiveDisplay
+from haptic_display.device_tools.zwidth_lockstep import DEPTH, PHASES, WALL, LockstepDisplay
 
 
 def circling(damping=3.0, coulomb=0.02, mass=0.1, every=0.002, radius=0.02):

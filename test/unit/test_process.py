@@ -22,7 +22,7 @@ def test_a_node_s_refusal_is_one_write_with_its_newline_so_that_no_log_stands_in
 
 
 def test_a_command_whose_standard_error_is_closed_does_what_it_is_to_do():
-    command = [*running_module("haptic_sim.cli.main"), "scenes"]
+    command = [*running_module("haptic_display.cli.main"), "scenes"]
     closed = ["sh", "-c", 'exec "$@" 2>&-', "sh", *command]
     ended = subprocess.run(closed, env=own_environment(), capture_output=True, text=True, timeout=100)
     assert ended.returncode == 0 and "peg_in_hole" in ended.stdout

@@ -13,12 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from waiting import LIMIT, until
 
-from haptic_device.config_files import find
-from haptic_sim.supervision import node_manager, processes
-from haptic_sim.supervision.domain import isolated_domain
-from haptic_sim.supervision.node_manager import NodeManager
-from haptic_sim.supervision.processes import NodeDiedError, Nodes, Program, interruptible, parameter_text
-from haptic_sim.supervision.system import Order, programs_of
+from haptic_device.config.files import find
+from haptic_display.page import node_manager
+from haptic_display.page.node_manager import NodeManager
+from haptic_display.run import processes
+from haptic_display.run.domain import isolated_domain
+from haptic_display.run.processes import NodeDiedError, Nodes, Program, interruptible, parameter_text
+from haptic_display.run.system import Order, programs_of
 
 pytestmark = pytest.mark.timeout(900)
 
@@ -192,5 +193,5 @@ def test_a_simulated_hand_that_starts_inside_a_body_is_refused_and_no_other(tmp_
 
 def test_the_command_line_is_quick_to_load():
     heavy = "{'rclpy', 'matplotlib', 'numba', 'pymunk', 'rosbags'}"
-    code = f"import sys, haptic_sim.cli.demo, haptic_sim.cli.record\nsys.exit(bool({heavy} & set(sys.modules)))"
+    code = f"import sys, haptic_display.cli.demo, haptic_display.cli.record\nsys.exit(bool({heavy} & set(sys.modules)))"
     assert os.spawnv(os.P_WAIT, sys.executable, [sys.executable, "-c", code]) == 0

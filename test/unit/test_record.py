@@ -8,7 +8,7 @@ import pytest
 from made_up_clock import Clock
 
 from haptic_device.nodes import FIRST_ROW
-from haptic_sim.cli import record
+from haptic_display.cli import record
 
 EMPTY = "rosbag2_bagfile_information: {topics_with_message_count: [], custom_data: {}}"
 

@@ -25,10 +25,10 @@ from hypothesis import strategies as st
 from stored_bags import records_of
 from stored_bags import write as write_file
 
-from haptic_device.analysis.report import page as pages
-from haptic_device.analysis.report.reading import read_run
-from haptic_device.analysis.report.verdict import WARN, verdict
 from haptic_device.recording import load
+from haptic_display.run.report import page as pages
+from haptic_display.run.report.reading import read_run
+from haptic_display.run.report.verdict import WARN, verdict
 
 LENGTH, DROPPED = 13.8, 180  # [s] of the recording, rows that the driver dropped in it
 SLOW = 200  # [Hz] of handle and of the stranger's topic

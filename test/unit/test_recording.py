@@ -27,15 +27,15 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from haptic_device.analysis.report.quantities import figures
-from haptic_device.analysis.report.run import Run
-from haptic_device.analysis.report.summary import engaged_rows
 from haptic_device.control import records
 from haptic_device.message_fields import TAIL
 from haptic_device.nodes.recorded_topics import KNOWN
 from haptic_device.recording import Entries, load
 from haptic_device.recording.layouts import JOINTS, POSE, STRING, WRENCH, CloudLayout, StampedLayout, layout_of
 from haptic_device.recording.writer import Bag
+from haptic_display.run.report.quantities import figures
+from haptic_display.run.report.run import Run
+from haptic_display.run.report.summary import engaged_rows
 
 
 @pytest.fixture(scope="module")
@@ -318,9 +318,9 @@ MSGS = ("sensor_msgs", "std_msgs", "geometry_msgs", "diagnostic_msgs", "visualiz
 sys.modules |= dict.fromkeys(SRV + MSGS)  # none can be imported
 import haptic_device.recording.layouts
 assert {"mcap", "rosbags", "yaml"}.isdisjoint(sys.modules), "who only packs messages needs no reader"
-from haptic_device.analysis.report import page
+from haptic_display.run.report import page
 from haptic_device.recording import load
-from haptic_sim.cli.main import main
+from haptic_display.cli.main import main
 
 page.FIGURES = page.FIGURES[:1]
 assert load(sys.argv[1]).to_dataframe("trace")["position.x"].std() > 0

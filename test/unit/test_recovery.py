@@ -7,10 +7,10 @@ from types import SimpleNamespace
 import pytest
 from made_up_clock import Clock
 
-from haptic_sim.viewer import recovery, waiting
-from haptic_sim.viewer.commands import CommandHandler
-from haptic_sim.viewer.recovery import DOING, Recovery
-from haptic_sim.viewer.trouble import Trouble
+from haptic_display.page import recovery, waiting
+from haptic_display.page.commands import CommandHandler
+from haptic_display.page.recovery import DOING, Recovery
+from haptic_display.page.trouble import Trouble
 
 DRIVER, SIMULATION, RECORDER = "haptic_driver", "haptic_simulation", "haptic_recorder"
 FAULT = Trouble("Handle too fast", "…", "…", "Reset and engage", fault="velocity")

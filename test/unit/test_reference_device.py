@@ -18,10 +18,10 @@ import pytest
 import waiting
 from firmware_builds import FIRMWARE, ROOT
 
-from haptic_device.description import load_device, parse
-from haptic_device.parameters import LOOPBACK
-from haptic_sim.supervision import reference_device
-from haptic_sim.supervision.device_programs import device_programs
+from haptic_device.config.description import load_device, parse
+from haptic_device.config.parameters import LOOPBACK
+from haptic_display.run import reference_device
+from haptic_display.run.device_programs import device_programs
 
 MS = 1_000_000
 
@@ -181,7 +181,7 @@ def test_an_installed_package_finds_all_that_it_compiles(monkeypatch, tmp_path):
             shutil.copy(file, tmp_path / folder)
     monkeypatch.setattr("sys.prefix", "/nowhere")
     monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
-    monkeypatch.setattr(reference_device, "__file__", str(tmp_path / "lib/haptic_sim/supervision/reference_device.py"))
+    monkeypatch.setattr(reference_device, "__file__", str(tmp_path / "lib/haptic_display/run/reference_device.py"))
     with pytest.raises(ValueError, match="^the firmware's sources are not in "):
         reference_device.sources()
     monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nowhere:{tmp_path}")

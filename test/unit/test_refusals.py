@@ -11,7 +11,7 @@ from math import inf, nan
 import pytest
 from sample_files import DEVICE, SCENE, changed
 
-from haptic_device import description
+from haptic_device.config import description
 from haptic_sim.scene import language
 
 PLANE = {"half_plane": {"normal": [0, 1]}}

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from in_process import haptic
 
-from haptic_sim.cli.compare import compare
-from haptic_sim.cli.replay import As
-from haptic_sim.supervision import machine_trial, processes
+from haptic_display.cli.compare import compare
+from haptic_display.cli.replay import As
+from haptic_display.run import machine_trial, processes
 
 POINT = "/**/haptic_driver:\n  ros__parameters: {{{}}}\n"
 TOOL = "tool: {mass: 0.1, shapes: [{circle: {radius: 0.005}}]}\n"
@@ -164,7 +164,7 @@ def here(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         patch.setattr(processes.Nodes, "start", start)
-        patch.setattr("haptic_sim.supervision.zwidth.on_pair", None)
+        patch.setattr("haptic_display.device_tools.zwidth.on_pair", None)
         patch.setattr(machine_trial, "examine", trial)
         yield folder
 

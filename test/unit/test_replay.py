@@ -7,19 +7,19 @@ from bag_of_a_run import swing, write_run
 from in_process import haptic
 from lockstep_systems import device, values
 
-from haptic_device import controller_config, gain_check
-from haptic_device.analysis.report import page
-from haptic_device.analysis.report.quantities import sections
-from haptic_device.analysis.report.reading import read_run
-from haptic_device.parameter_types import defaults
+from haptic_device.config.parameter_types import defaults
+from haptic_device.control import controller_config, gain_check
 from haptic_device.realtime import tick_replay
 from haptic_device.recording import load
-from haptic_sim.cli import tables
-from haptic_sim.node_parameters import NODES
-from haptic_sim.replay import rerun, trace_verification
-from haptic_sim.replay.lockstep import PERFECT, Lockstep
-from haptic_sim.replay.lockstep_bag import BLOCK as BLOCK_OF_BAG
-from haptic_sim.replay.trace_verification import verdict_on
+from haptic_display.cli import tables
+from haptic_display.run.report import page
+from haptic_display.run.report.quantities import sections
+from haptic_display.run.report.reading import read_run
+from haptic_sim.lockstep import rerun, trace_verification
+from haptic_sim.lockstep.lockstep import PERFECT, Lockstep
+from haptic_sim.lockstep.lockstep_bag import BLOCK as BLOCK_OF_BAG
+from haptic_sim.lockstep.trace_verification import verdict_on
+from haptic_sim.node.parameters import NODES
 from haptic_sim.scene.language import load as load_scene
 
 TICKS, PLAYED = 8_000, 10_000  # of every law; of the bag

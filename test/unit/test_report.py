@@ -28,22 +28,22 @@ from matplotlib.image import imread
 from matplotlib.text import Text
 from mcap.reader import make_reader
 
-from haptic_device.analysis.palette import RUNS
-from haptic_device.analysis.report import curves, figures, quantities, summary
-from haptic_device.analysis.report import page as pages
-from haptic_device.analysis.report.figures import FIGURES
-from haptic_device.analysis.report.page import write_report
-from haptic_device.analysis.report.picture import DPI, SIZE, draw_picture
-from haptic_device.analysis.report.quantities import sections
-from haptic_device.analysis.report.reading import read_run
-from haptic_device.analysis.report.run import Run
-from haptic_device.analysis.report.verdict import WARN, verdict
 from haptic_device.control import withheld
 from haptic_device.recording import load
 from haptic_device.recording.layouts import CloudLayout
 from haptic_device.recording.writer import Bag
-from haptic_sim.cli.report import report
-from haptic_sim.cli.tables import compared
+from haptic_device.theory.palette import RUNS
+from haptic_display.cli.report import report
+from haptic_display.cli.tables import compared
+from haptic_display.run.report import curves, figures, quantities, summary
+from haptic_display.run.report import page as pages
+from haptic_display.run.report.figures import FIGURES
+from haptic_display.run.report.page import write_report
+from haptic_display.run.report.picture import DPI, SIZE, draw_picture
+from haptic_display.run.report.quantities import sections
+from haptic_display.run.report.reading import read_run
+from haptic_display.run.report.run import Run
+from haptic_display.run.report.verdict import WARN, verdict
 from haptic_sim.scene.draw import draw
 from haptic_sim.scene.language import load as scene_of
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from bag_of_a_run import CLOUD, DIAGNOSTICS, SAID, cloud, diagnostics, joints, swing, write_bag, write_run
 
-from haptic_device.analysis.report.reading import read_run
-from haptic_device.analysis.report.verdict import BAD, GOOD, WARN, verdict
 from haptic_device.control import faults, withheld
+from haptic_display.run.report.reading import read_run
+from haptic_display.run.report.verdict import BAD, GOOD, WARN, verdict
 
 TICKS = 8000
 

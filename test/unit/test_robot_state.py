@@ -9,9 +9,9 @@ from xml.etree import ElementTree
 import pytest
 from fake_node import Node
 
-from haptic_device.description import load_device
+from haptic_device.config.description import load_device
 from haptic_device.nodes import robot_state, transforms
-from haptic_device.urdf import links, urdf
+from haptic_device.nodes.urdf import links, urdf
 from haptic_sim.scene.geometry import turned
 
 

@@ -7,8 +7,8 @@ import math
 import pytest
 from sample_files import SCENE, SQUARE, changed
 
-from haptic_device.config_files import names
-from haptic_device.yaml_reader import loads
+from haptic_device.config.files import names
+from haptic_device.config.yaml_reader import loads
 from haptic_sim.scene import checks, geometry
 from haptic_sim.scene.language import SceneError, load, parse
 

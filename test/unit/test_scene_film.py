@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from PIL import Image, ImageColor
 
-from haptic_device.analysis.palette import MOVING
-from haptic_sim.film.curves import HANDLE
-from haptic_sim.film.gif import pictures_of, write_gif
-from haptic_sim.film.scene_run import film_of_scene
+from haptic_device.theory.palette import MOVING
+from haptic_display.page.film.curves import HANDLE
+from haptic_display.page.film.gif import pictures_of, write_gif
+from haptic_display.page.film.scene_run import film_of_scene
 from haptic_sim.scene.language import load
 from haptic_sim.scene.shapes import TOOL
 

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_device.config_files import names
+from haptic_device.config.files import names
+from haptic_display.page.tasks import tasks
 from haptic_sim.scene.drawing import drawing_of
 from haptic_sim.scene.geometry import turned
 from haptic_sim.scene.language import load, parse
 from haptic_sim.scene.motion import MOST_TURNS, flat_motion, way_of
-from haptic_sim.viewer.tasks import tasks
 
 START, TARGET = (0.01, 0.05, 0.1), (0.02, 0.0, 0.2)
 POSES = {"start": list(START), "target": list(TARGET)}

@@ -10,9 +10,9 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from haptic_device.analysis.palette import FIXED, TARGET
-from haptic_device.config_files import find, names
-from haptic_sim import verify
+from haptic_device.config.files import find, names
+from haptic_device.theory.palette import FIXED, TARGET
+from haptic_sim.lockstep import verify
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.explain import explain
 from haptic_sim.reduction.measured import KEPT, Measured, of_scene, read, write

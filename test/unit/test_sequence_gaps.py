@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_device.sequence_gaps import UNKNOWN, SequenceGaps, counted
+from haptic_device.recording.sequence_gaps import UNKNOWN, SequenceGaps, counted
 
 
 def one_by_one(sequences):

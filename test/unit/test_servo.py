@@ -10,10 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lockstep_systems import device, values
 
-from haptic_device import controller_config
-from haptic_device.control import enable_state, faults, records
+from haptic_device.config.parameters import EXCHANGE_METHODS, MOST_WALLS
+from haptic_device.control import controller_config, enable_state, faults, records
 from haptic_device.device import loopback_config, simulated_device
-from haptic_device.parameters import EXCHANGE_METHODS, MOST_WALLS
 from haptic_device.realtime import servo_loop
 
 

@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 from waiting import until
 
-from haptic_device import controller_config
-from haptic_device.control import enable_state, faults
-from haptic_device.description import load_device
+from haptic_device.config.description import load_device
+from haptic_device.config.parameter_types import defaults
+from haptic_device.config.parameters import DRIVER
+from haptic_device.control import controller_config, enable_state, faults
 from haptic_device.device import loopback_config, operator_hand, plant, simulated_device
 from haptic_device.jit import kernel
-from haptic_device.parameter_types import defaults
-from haptic_device.parameters import DRIVER
 from haptic_device.realtime import clock, hardware_interface, scheduling, servo_loop, shared_memory
 from haptic_device.realtime.hardware_interface import SharedMemoryInterface
 from haptic_device.realtime.null_device import NullDevice

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from haptic_device import config_files
+from haptic_device.config import files as config_files
 
 
 @pytest.fixture

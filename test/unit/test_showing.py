@@ -14,14 +14,14 @@ from live_nodes import STRANGE
 
 from haptic_device.nodes.polled_subscription import Sample
 from haptic_device.recording.layouts import CLOUD, JointLayout, layout_of
-from haptic_device.status import Status
-from haptic_sim.client import Client
+from haptic_device.recording.status import Status
+from haptic_display.client import Client
+from haptic_display.page.state import State
 from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.node.scene_publisher import CONTACT, PERIOD_NS, ScenePublisher, state_names
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene.drawing import drawing_of
 from haptic_sim.scene.language import Scene, load, parse
-from haptic_sim.viewer.state import State
 
 pytestmark = pytest.mark.timeout(600)  # kernels that nobody has used yet are compiled
 
@@ -51,7 +51,7 @@ class FakeTap:
 
 @pytest.fixture(autouse=True)
 def tapped(monkeypatch):
-    monkeypatch.setattr("haptic_sim.client.PolledSubscription", FakeTap)
+    monkeypatch.setattr("haptic_display.client.PolledSubscription", FakeTap)
 
 
 def shown(node):

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from haptic_device.analysis.delay import largest_passive_stiffness
-from haptic_device.analysis.stability import (
+from haptic_device.theory.delay import largest_passive_stiffness
+from haptic_device.theory.stability import (
     held_plant,
     largest_stable_stiffness,
     spectral_radius,

@@ -10,8 +10,14 @@ from lockstep_systems import device, values, wall_system
 from ticks import tick
 
 from adversary import exchange_search as adversary
-from haptic_device import controller_config, gain_check
-from haptic_device.control import bumpless_transfer, enable_state, faults, velocity_estimator
+from haptic_device.control import (
+    bumpless_transfer,
+    controller_config,
+    enable_state,
+    faults,
+    gain_check,
+    velocity_estimator,
+)
 
 SPEED, COUNTS, BUDGET = 0.3, 1e9, 0.005  # [m/s], [1/m], [J]
 GAINS = [(1000.0, 100.0, 2.6, 3.0), (1000.0, 50.0, 4.6, 5.0), (1000.0, 400.0, 2.0, 3.0), (4000.0, 2000.0, 2.0, 3.0)]

@@ -10,9 +10,9 @@ import stored_bags
 from bag_of_a_run import swing, write_run
 from stored_bags import REFUSED, WHOLE
 
-from haptic_device.analysis.report.reading import read_run
 from haptic_device.recording import load
 from haptic_device.recording.metadata import METADATA
+from haptic_display.run.report.reading import read_run
 
 TICKS = 800
 

@@ -9,7 +9,7 @@ import pytest
 
 from bench.jobs import Kept
 from bench.jobs import sweep as run_jobs
-from haptic_device.analysis import sweep
+from haptic_device.theory import sweep
 
 
 def test_what_is_no_address_of_a_scheduler_is_refused_before_anything_is_tried():

@@ -11,8 +11,7 @@ from fake_node import Node, Said
 from lockstep_systems import device, values
 from waiting import until
 
-from haptic_device import controller_config
-from haptic_device.control import records
+from haptic_device.control import controller_config, records
 from haptic_device.nodes.telemetry import MOST_ROWS, Telemetry
 from haptic_device.realtime import clock, seqlock
 from haptic_device.realtime.null_device import NullDevice

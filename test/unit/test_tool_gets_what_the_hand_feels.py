@@ -8,7 +8,7 @@ import pytest
 import yaml
 from exchange_systems import GAINS, demo_system
 
-from haptic_device.config_files import names
+from haptic_device.config.files import names
 from haptic_device.control import tool_side_tank
 from haptic_sim.exchange.port import UNSHIPPED, PspmPort, port_of
 from haptic_sim.exchange.port_limits import BUDGET, Limits

@@ -8,12 +8,12 @@ from made_up_clock import Clock
 
 from haptic_device.control import withheld
 from haptic_device.control.faults import TABLE
-from haptic_device.status import Status
-from haptic_sim.supervision.tuning import FaultError
-from haptic_sim.viewer import trouble as module
-from haptic_sim.viewer.page_words import in_page_words
-from haptic_sim.viewer.trouble import LAST_WORDS, STANDS, TroubleFinder
-from haptic_sim.viewer.unfelt import unfelt
+from haptic_device.recording.status import Status
+from haptic_display.device_tools.tuning import FaultError
+from haptic_display.page import trouble as module
+from haptic_display.page.page_words import in_page_words
+from haptic_display.page.trouble import LAST_WORDS, STANDS, TroubleFinder
+from haptic_display.page.unfelt import unfelt
 
 DRIVER, SIMULATION, LOOPBACK = "haptic_driver", "haptic_simulation", "haptic_loopback"
 FRAME = {"handle": [0.0, 0.0, 0.0], "tool": [0.012, 0.0, 0.0]}

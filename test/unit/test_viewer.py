@@ -15,12 +15,12 @@ from hypothesis import example, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from haptic_device.controller_config import MOST_WALLS
-from haptic_sim.viewer import messages, session, settings
-from haptic_sim.viewer import server as server_module
-from haptic_sim.viewer.guard import HEADERS, Guard, is_loopback, reachable
-from haptic_sim.viewer.loading import LARGEST
-from haptic_sim.viewer.server import WEB, Server
+from haptic_device.control.controller_config import MOST_WALLS
+from haptic_display.page import messages, session, settings
+from haptic_display.page import server as server_module
+from haptic_display.page.guard import HEADERS, Guard, is_loopback, reachable
+from haptic_display.page.loading import LARGEST
+from haptic_display.page.server import WEB, Server
 
 pytestmark = pytest.mark.timeout(300)
 

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_sim.viewer.commands import CommandHandler
-from haptic_sim.viewer.guide import Guide
-from haptic_sim.viewer.hand import Hand, Limits
-from haptic_sim.viewer.playback import REST, Playback, along, legs
+from haptic_display.page.commands import CommandHandler
+from haptic_display.page.guide import Guide
+from haptic_display.page.hand import Hand, Limits
+from haptic_display.page.playback import REST, Playback, along, legs
 
 CORNER = ((0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.1, 0.3, 0.0))
 PLACE = st.tuples(*[st.floats(-0.1, 0.1)] * 3)

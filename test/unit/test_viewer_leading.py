@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_device.description import load_device
-from haptic_sim.viewer import messages
-from haptic_sim.viewer.commands import EDGE, SLOW, YIELDED, CommandHandler
-from haptic_sim.viewer.hand import AFTER, SILENCE, Hand, Limits
-from haptic_sim.viewer.settings import DRIVER, SIMULATION
-from haptic_sim.viewer.trouble import Trouble
+from haptic_device.config.description import load_device
+from haptic_display.page import messages
+from haptic_display.page.commands import EDGE, SLOW, YIELDED, CommandHandler
+from haptic_display.page.hand import AFTER, SILENCE, Hand, Limits
+from haptic_display.page.settings import DRIVER, SIMULATION
+from haptic_display.page.trouble import Trouble
 
 LIMITS = Limits(((-0.1, 0.1), (-0.2, 0.2), (-3.0, 3.0)), speed=1.0, turn=10.0)
 FLAT = Limits(LIMITS.workspace[:2], 1.0, 10.0)

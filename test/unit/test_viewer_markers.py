@@ -8,10 +8,10 @@ import pytest
 from fake_node import Node
 
 from haptic_device.nodes import marker_messages
+from haptic_display.page import markers, settings
 from haptic_sim.scene.drawing import WALL_DEPTH, WALL_LENGTH, drawing_of, happenings, standing, surroundings
 from haptic_sim.scene.geometry import Outline, combined, turned
 from haptic_sim.scene.language import load, parse
-from haptic_sim.viewer import markers, settings
 
 SCENES = ("peg_in_hole", "four_bar", "ratchet", "slider")
 SPRUNG = {

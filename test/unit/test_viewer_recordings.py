@@ -13,8 +13,8 @@ from filmed_bag import film_bag, rows_of
 from test_viewer import served
 from yarl import URL
 
-from haptic_device.status import Status
-from haptic_sim.viewer.recordings import Recordings
+from haptic_device.recording.status import Status
+from haptic_display.page.recordings import Recordings
 
 pytestmark = pytest.mark.timeout(300)
 

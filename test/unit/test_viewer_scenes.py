@@ -7,12 +7,12 @@ import types
 
 import pytest
 
+from haptic_display.page import messages, waiting
+from haptic_display.page.commands import CommandHandler
+from haptic_display.page.scene_controller import SceneController
+from haptic_display.page.settings import DRIVER, SIMULATION
 from haptic_sim.scene.drawing import drawing_of
 from haptic_sim.scene.language import load
-from haptic_sim.viewer import messages, waiting
-from haptic_sim.viewer.commands import CommandHandler
-from haptic_sim.viewer.scene_controller import SceneController
-from haptic_sim.viewer.settings import DRIVER, SIMULATION
 
 SET = f"{SIMULATION}/set_parameters_atomically"
 RESET, LOAD = f"{SIMULATION}/reset_scene", f"{SIMULATION}/load_scene"

@@ -10,15 +10,15 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from haptic_device import controller_config, gain_check
-from haptic_device.description import load_device
-from haptic_device.parameter_types import defaults
-from haptic_device.parameters import NODES
-from haptic_device.yaml_reader import load as load_yaml
-from haptic_sim.config_problems import problems
-from haptic_sim.viewer import settings
-from haptic_sim.viewer.loading import LARGEST, point_in
-from haptic_sim.viewer.passive_range import GAINS, MOST_WALLS, NEW_WALL, PassiveRanges, passive_ranges
+from haptic_device.config.description import load_device
+from haptic_device.config.parameter_types import defaults
+from haptic_device.config.parameters import NODES
+from haptic_device.config.yaml_reader import load as load_yaml
+from haptic_device.control import controller_config, gain_check
+from haptic_display.page import settings
+from haptic_display.page.loading import LARGEST, point_in
+from haptic_display.page.passive_range import GAINS, MOST_WALLS, NEW_WALL, PassiveRanges, passive_ranges
+from haptic_display.run.config_problems import problems
 
 DEVICE, LATENESS = load_device("desktop"), 2e-4
 OBLIQUE = {

@@ -23,7 +23,7 @@ from haptic_device.recording.layouts import (
     pose_numbers,
     wrench_numbers,
 )
-from haptic_device.status import LEVELS, number
+from haptic_device.recording.status import LEVELS, number
 
 NAMES = [exchange_names(axes) for axes in (1, 2, 3)] + [truth_names(axes) for axes in (1, 2, 3)]
 NAMES += [AXES[:axes] for axes in (1, 2, 3)]

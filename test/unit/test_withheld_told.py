@@ -8,14 +8,13 @@ import numpy as np
 from lockstep_systems import device, values
 from rich.console import Console
 
-from haptic_device import controller_config, gain_check
-from haptic_device.control import enable_state, records, withheld
+from haptic_device.control import controller_config, enable_state, gain_check, records, withheld
+from haptic_device.control.withheld_time import LASTS
 from haptic_device.nodes.driver_diagnostics import DriverDiagnostics
 from haptic_device.nodes.telemetry import Telemetry
 from haptic_device.realtime.session_clock import SessionClock
-from haptic_device.status import LEVELS
-from haptic_device.withheld_time import LASTS
-from haptic_sim.cli.status import table
+from haptic_device.recording.status import LEVELS
+from haptic_display.cli.status import table
 
 PERIOD = 0.001  # [s]
 

@@ -10,11 +10,11 @@ import pytest
 from examples import half
 from worlds import DOWN, TURNS, World, box, disc, fixed, floor, joint, tool
 
+from haptic_sim.lockstep.rollout import hand
 from haptic_sim.method_registry import METHODS, make
 from haptic_sim.protocol import STILL, Coupling
 from haptic_sim.pymunk_world.space import SLOP
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.rollout import hand
 from haptic_sim.scene.language import load
 
 H, ONE, M = 0.25e-3, 50e-6, 0.1  # ONE: a sub-step that is one step of the impulse method

@@ -7,12 +7,12 @@ from examples import few
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from haptic_device.config_files import find
-from haptic_device.description import load_device
-from haptic_device.parameter_files import read_operating_point
-from haptic_device.yaml_reader import MOST, dump, loads
-from haptic_sim.config_problems import problems
-from haptic_sim.node_parameters import NODES
+from haptic_device.config.description import load_device
+from haptic_device.config.files import find
+from haptic_device.config.parameter_files import read_operating_point
+from haptic_device.config.yaml_reader import MOST, dump, loads
+from haptic_display.run.config_problems import problems
+from haptic_sim.node.parameters import NODES
 from haptic_sim.scene.language import load
 
 TWICE = "name: twice\ntool: {mass: 0.1, mass: 5.0, shapes: [{circle: {radius: 0.005}}]}\n"

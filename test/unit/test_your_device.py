@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_device.description import load_device
+from haptic_device.config.description import load_device
 from haptic_device.link import codec as c
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -10,10 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.reference.boundary import CASES, boundary_stiffness
-from haptic_device import controller_config
-from haptic_device.analysis.delay import largest_passive_stiffness
-from haptic_device.analysis.stability import largest_stable_stiffness
-from haptic_device.analysis.zwidth import (
+from haptic_device.config.description import Axis, Device
+from haptic_device.config.parameter_types import defaults
+from haptic_device.config.parameters import OPERATING_POINT, OPERATOR
+from haptic_device.control import controller_config, enable_state, records
+from haptic_device.device import loopback_config, operator_hand, plant, simulated_device, wall_tapping
+from haptic_device.realtime import servo_loop
+from haptic_device.theory.delay import largest_passive_stiffness
+from haptic_device.theory.stability import largest_stable_stiffness
+from haptic_device.theory.zwidth import (
     GIVING,
     OPERATORS,
     QUIET,
@@ -25,13 +30,7 @@ from haptic_device.analysis.zwidth import (
     run_cells,
     theory,
 )
-from haptic_device.analysis.zwidth_map import Request, boundaries, draw_map, write_csv
-from haptic_device.control import enable_state, records
-from haptic_device.description import Axis, Device
-from haptic_device.device import loopback_config, operator_hand, plant, simulated_device, wall_tapping
-from haptic_device.parameter_types import defaults
-from haptic_device.parameters import OPERATING_POINT, OPERATOR
-from haptic_device.realtime import servo_loop
+from haptic_device.theory.zwidth_map import Request, boundaries, draw_map, write_csv
 
 PRESSED = (Operator(pressed=True),)
 SMALL = Request(Setup(0.1, 0.5, 1e-3, seconds=0.2), "none", np.linspace(100.0, 2000.0, 12), np.linspace(-0.5, 1.0, 40))

@@ -15,7 +15,7 @@ from speaker import STIFFNESS, Speaker, custom_data, joint, numbers
 from waiting import LIMIT, until
 
 from haptic_device.recording import load
-from haptic_sim.cli import mark
+from haptic_display.cli import mark
 
 
 @pytest.fixture(scope="module")

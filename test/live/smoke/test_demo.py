@@ -9,8 +9,8 @@ from live_demo import BUSY, ROOT, demos
 
 from haptic_device.control import withheld
 from haptic_device.recording import load
+from haptic_sim.lockstep.trace_verification import verdict_on
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.replay.trace_verification import verdict_on
 from haptic_sim.scene import language
 
 

@@ -10,9 +10,9 @@ from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 
 from haptic_device.message_fields import exchange_names
-from haptic_sim.service_requests import get_parameters
-from haptic_sim.supervision.processes import NAMESPACE
-from haptic_sim.supervision.tuning import Tuning
+from haptic_display.device_tools.tuning import Tuning
+from haptic_display.run.processes import NAMESPACE
+from haptic_display.service_requests import get_parameters
 
 NODES = DISPLAY
 BEYOND = "haptic: coupling.stiffness 90000 N/m with coupling.damping"

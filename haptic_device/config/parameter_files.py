@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameter files of ROS 2: what they give each node, and one sentence for each thing that is wrong in them."""
+
+import re
+from collections.abc import Iterator, Mapping
+
+from haptic_device.config import yaml_reader
+from haptic_device.config.files import find_beside
+from haptic_device.config.parameter_types import ROS_OWN, SECTION, Parameter, check_value, shown, unknown
+
+PLACES = {"device": "devices", "scene": "scenes"}
+"""Parameters that name a file that is read, and the folder of config/ whose names they may take."""
+
+
+def read_operating_point(path, nodes: Mapping[str, tuple[Parameter, ...]], namespace: str = "/haptic"):
+    """Reads a ROS 2 parameter file: values for each node in a namespace, {node: {name: value}}.
+
+    The result has only values that are in the file. Later sections win, as in ROS 2. File names (PLACES) are relative
+    to the folder of the file and are returned as absolute paths. Raises ConfigError if the file cannot be read, and
+    ValueError with the first thing that is wrong in it.
+
+    Args:
+        path: the file.
+        nodes: the parameters of each node, such as `haptic_sim.node.parameters.NODES`.
+        namespace: of the nodes.
+
+    Examples:
+        >>> from haptic_device.config.files import find
+        >>> from haptic_device.config.parameter_files import read_operating_point
+        >>> from haptic_sim.node.parameters import NODES
+        >>> read_operating_point(find("", "demo"), NODES)["haptic_driver"]["coupling.stiffness"]  # [N/m]
+        2000.0
+    """
+    document = yaml_reader.load(path, ros=True)
+    values, _ = right_values(document, nodes, namespace)
+    for sentence in (*operating_point_problems(document, nodes), *file_problems(values, path)):
+        raise ValueError(f"{path}: {sentence}")
+    return values
+
+
+def section_keys(path) -> list[str]:
+    """Keys of the sections in the ROS 2 parameter file at path, in its order. Raises as `yaml_reader.load`."""
+    return [key for key, _ in _sections(yaml_reader.load(path, ros=True))]
+
+
+def reaches(key: str, name: str) -> bool:
+    """Whether a section with this key is for the node of this full name."""
+    return _pattern(key).fullmatch(name) is not None
+
+
+def right_values(document: dict, nodes: Mapping[str, tuple[Parameter, ...]], namespace: str = "/haptic"):
+    """Of each node the values that are right, {node: {name: value}}, and the names of those that are not."""
+    values, wrong = {node: {} for node in nodes}, {node: set() for node in nodes}
+    sections = _sections(document)
+    for node, declared in nodes.items():
+        name = f"{namespace.rstrip('/')}/{node}"
+        given = dict(item for key, section in sections if reaches(key, name) for item in section.items())
+        for parameter in declared:
+            if parameter.name in given:
+                try:
+                    values[node][parameter.name] = check_value(parameter, given[parameter.name])
+                except ValueError:
+                    wrong[node].add(parameter.name)
+    return values, wrong
+
+
+def file_problems(values: dict[str, dict], path) -> Iterator[str]:
+    """One sentence for each file named in these values that is not there; the others are made absolute in place."""
+    for node, given in values.items():
+        for name, folder in PLACES.items():
+            if name in given:
+                try:
+                    given[name] = find_beside(path, folder, given[name])
+                except (OSError, ValueError) as error:
+                    yield f"{node}: {name} {error}"
+
+
+def operating_point_problems(document: dict, nodes: Mapping[str, tuple[Parameter, ...]]) -> Iterator[str]:
+    """One sentence for each thing that is wrong in a parameter file, already loaded; nothing when all is well."""
+    yield from _strays(document)
+    for key, given in _sections(document):
+        try:
+            owners = _owners(key, nodes)
+        except ValueError as error:
+            yield str(error)
+            continue
+        for name, value in given.items():
+            yield from (f"{key}: {sentence}" for sentence in entry_problems(name, value, owners))
+
+
+def outside(document: dict, path: str = "") -> Iterator[tuple[str, str, object]]:
+    """Keys that stand in no ros__parameters, with what they hold: (key of the node above, name, content)."""
+    for name, content in document.items():
+        yield path, name, content
+        if name != SECTION and isinstance(content, dict):
+            yield from outside(content, f"{path}/{name}" if path else name)
+
+
+def _sections(document):
+    """(node key, {dotted name: value}) for each ros__parameters in the file, in the order of the file."""
+    found = outside(document)
+    return [(path, dict(_flat(held))) for path, name, held in found if name == SECTION and isinstance(held, dict)]
+
+
+def _strays(document):
+    """Sentences for what stands outside every ros__parameters, where ROS 2 would not look or not start."""
+    for path, name, content in outside(document):
+        key = f"{path}/{name}" if path else name
+        if name == SECTION and not path:
+            yield f"{SECTION} stands without a node name above it, such as /**/haptic_driver"
+        elif name == SECTION and not isinstance(content, dict):
+            yield f"{key} holds no parameters; indent them below it"
+        elif not isinstance(content, dict):
+            yield f"{key} holds {shown(content)}; a node name with {SECTION} below it belongs there"
+
+
+def _flat(mapping, prefix=""):
+    for name, content in mapping.items():
+        if isinstance(content, dict):
+            yield from _flat(content, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", content
+
+
+def _pattern(key):
+    """Node key with wildcards as a pattern of full node names: * is one level, ** any number of them."""
+    levels = {"**": r"(/\w+)*", "*": r"/\w+"}
+    return re.compile("".join(levels.get(level, "/" + re.escape(level)) for level in key.strip("/").split("/")))
+
+
+def _owners(key, nodes):
+    """The nodes that a section may reach in some namespace: {node: parameters}."""
+    last = key.rsplit("/", 1)[-1]
+    if last in ("*", "**"):
+        return nodes
+    if last not in nodes:
+        raise ValueError(unknown(last, "a node of this package", nodes))
+    if key == last:
+        raise ValueError(f"{key} reaches only a node outside any namespace; write /**/{key} or /haptic/{key}")
+    return {last: nodes[last]}
+
+
+def entry_problems(name, value, owners):
+    """One sentence for each thing that is wrong with a value for these nodes, {node: parameters}."""
+    if ROS_OWN.fullmatch(name):
+        return
+    declared = [parameter for parameters in owners.values() for parameter in parameters if parameter.name == name]
+    if not declared:
+        known = [parameter.name for parameters in owners.values() for parameter in parameters]
+        yield unknown(name, f"a parameter of {' or '.join(owners)}", known)
+    for parameter in declared:
+        try:
+            check_value(parameter, value)
+        except ValueError as error:
+            yield str(error)
+            return

@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic device find`, `show`, `set-up` and `test`: a device of one's own, from the plug to the promises it keeps."""
+
+import contextlib
+import json
+import os
+import sys
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from haptic_device.os_errors import in_words
+from haptic_display.cli.completion import shipped
+from haptic_display.cli.numbers import number, whole
+from haptic_display.cli.progress import INTERRUPTED
+from haptic_display.cli.words import console, next_step, shown_path
+
+device = typer.Typer(no_args_is_help=True, help="A device of your own: find it, look at it, describe it, test it.")
+PAUSE = 0.2  # [s] between two looks
+SETTLES = 1.0  # [s] that the system takes to set a new port's permissions
+LISTENING = 2.0  # [s]
+
+_NAME = "Device description (a name in config/devices or a file)."
+_BEGIN = "Description to begin with, which has the link and the limits."
+_DOMAIN = "ROS domain in which haptic_bridge or haptic_loopback runs, and no driver; else it is started here."
+_NAMESPACE = "Namespace of the device that runs."
+_JSON = "Print one JSON object instead of a table."
+
+
+@device.command()
+def find(
+    udp: Annotated[list[str] | None, typer.Option(help="HOST:PORT of UDP to be asked too; may be repeated.")] = None,
+    baud: Annotated[int, whole("--baud", 1200, 4_000_000, help="Speed of a serial line; USB CDC has none.")] = 115200,
+    wait: Annotated[float, number("--wait", "s", 0.1, 60.0, help="Time to answer, of each port (s).")] = 1.0,
+    silent: Annotated[bool, typer.Option("--silent", help="Send nothing to any port.")] = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Wait for a device that is plugged in; tell which it is.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help=_JSON)] = False,
+) -> None:
+    """Which devices are connected, what answers, and why nothing does. Exit code 1: nothing answered."""
+    from haptic_device.jit import ensure_compiled
+    from haptic_display.device_tools import search as device_search
+    from haptic_display.device_tools import serial_ports
+
+    with _refused("find"):
+        for address in udp or ():
+            device_search.address_of(address)
+        if watch and udp:
+            raise ValueError("--watch is for what is plugged in: leave --udp out")
+        ensure_compiled("bridge")  # whose coding of frames is used: else the time to answer would pass meanwhile
+        if watch:
+            typer.echo("unplug the device and plug it in again; Ctrl-C ends", err=True)
+            port = device_search.plugged(
+                serial_ports.ports, lambda said: typer.echo(said, err=True), lambda: time.sleep(PAUSE)
+            )
+            time.sleep(SETTLES)
+            again = next((one for one in serial_ports.ports() if one.path == port.path), port)
+            found = [device_search.found_at(again, serial_ports.grabber(), baud, wait, not silent)]
+        else:
+            found = device_search.look(baud=baud, patience=wait, hello=not silent)
+            found += [device_search.look_at(address, wait) for address in udp or ()]
+    if as_json:
+        typer.echo(json.dumps({"found": found}))
+    else:
+        _print_found(found)
+        if any(one["link"] for one in found):
+            next_step("write this link into a description, then haptic device set-up DESCRIPTION")
+    raise typer.Exit(0 if any(one["greeting"] for one in found) else 1)
+
+
+def _print_found(found):
+    from haptic_device.config.yaml_reader import dump
+
+    if not found:
+        typer.echo("no serial port of a USB device is there; a device on UDP needs --udp")
+    for one in found:
+        usb = one.get("usb", {})
+        said = " ".join(filter(None, (usb.get("maker"), usb.get("model"), usb.get("serial"))))
+        where = one.get("by_id") or one.get("port") or one["address"]
+        typer.echo(f"{where}{f'  ({said})' if said else ''}\n    {one['answer']}")
+        if one["link"]:
+            typer.echo(f"    {dump({'link': one['link']}, flow=True).strip()}")
+        for note in one["notes"]:
+            typer.echo(f"    {note}")
+
+
+@device.command()
+def show(
+    domain: Annotated[int | None, whole("--domain", 0, 232, help="ROS domain [ROS_DOMAIN_ID, or 0].")] = None,
+    namespace: Annotated[str | None, typer.Option(help="Namespace of the display [/haptic].")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Listen for 2 s, print one JSON object, end.")] = False,
+) -> None:
+    """How the connected device is, live: counts, status, delay, clock, losses. Exit code 1: none answers."""
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    from haptic_device import ros_environment
+    from haptic_display.device_tools.watch import DeviceWatch
+
+    with _refused("show"):
+        domain = ros_environment.domain() if domain is None else domain
+        with contextlib.closing(DeviceWatch(domain, namespace)) as watched:
+            if as_json or not (sys.stdin.isatty() and sys.stdout.isatty()):
+                end = time.monotonic() + LISTENING
+                while time.monotonic() < end:
+                    watched.look()
+                    time.sleep(0.02)
+                figures, there = watched.figures(), watched.answering()
+                typer.echo(json.dumps(figures)) if as_json else console().print(_figures(figures, domain))
+            else:
+                there = _live(watched, domain)
+    if not there and not as_json:
+        next_step("haptic device find")
+    raise typer.Exit(0 if there else 1)
+
+
+def _live(watched, domain):
+    from rich.console import Group
+    from rich.live import Live
+
+    from haptic_display.cli.keys import keys
+
+    with contextlib.suppress(KeyboardInterrupt), keys() as pressed, Live(auto_refresh=False) as display:
+        while pressed() != "q":
+            watched.look()
+            display.update(Group(_figures(watched.figures(), domain), "q: quit"), refresh=True)
+            time.sleep(0.05)
+    return watched.answering()
+
+
+def _figures(figures, domain):
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(
+        "figure", "", "unit", title=f"device in ROS domain {domain}", caption=None if figures else "nothing heard yet"
+    )
+    for name, (value, unit) in figures.items():
+        table.add_row(Text(name), Text(value), Text(unit))
+    return table
+
+
+@device.command("set-up")
+def set_up(
+    name: Annotated[str, typer.Argument(help=_BEGIN, autocompletion=shipped("devices"))],
+    out: Annotated[Path, typer.Option(help="Device description to write.")] = Path("device.yaml"),
+    answers: Annotated[Path | None, typer.Option(help="YAML file of answers; nobody is asked then.")] = None,
+    push: Annotated[
+        float, number("--push", "motor units", 0.001, 1.0, help="Most that a motor is given (motor units).")
+    ] = 0.01,
+    domain: Annotated[int | None, whole("--domain", 0, 232, help=_DOMAIN)] = None,
+    namespace: Annotated[str | None, typer.Option(help=_NAMESPACE)] = None,
+) -> None:
+    """Describe a device by moving its handle: signs, counts per unit, zero, workspace, motor signs."""
+    from haptic_device.config.description import load_device
+    from haptic_display.device_tools import device_page
+    from haptic_display.device_tools import set_up as device_set_up
+    from haptic_display.device_tools.questions import Answers, Terminal
+
+    with _refused("set-up"):
+        if answers is None and not (sys.stdin.isatty() and sys.stdout.isatty()):
+            raise ValueError(
+                "it asks for what only a hand at the device can tell: run it in a terminal, or give --answers"
+            )
+        _refuse_file(out)
+        questions = Answers.read(answers) if answers else Terminal()
+        described = load_device(name)
+        with device_page.opened(name, domain, namespace) as page:
+            content = device_set_up.set_up(questions, device_page.PageDevice(page), described, out.stem, push)
+        device_set_up.write(out, content, described.name)
+        typer.echo(f"wrote {out}; haptic check {out} reads it again")
+        if domain is None and namespace is None and questions.yes("identify", IDENTIFY):
+            _identify(out)
+        next_step(f"haptic device test {shown_path(out)}")
+
+
+IDENTIFY = "Mass, damping and friction are not measured yet. Shake the handle for 8 s now, with nobody holding it?"
+
+
+def _identify(out):
+    from haptic_device.config.description import load_device
+    from haptic_device.jit import ensure_compiled
+    from haptic_display.device_tools.identification import identify_device, write_description
+    from haptic_display.run.prepare import COMMANDS
+
+    ensure_compiled(*COMMANDS["identify"])
+    device = load_device(out)
+    force = min(3.0, *(0.2 * axis.motor_limit for axis in device.axes[:2]))
+    rate = 4000.0 if device.link.type == "loopback" else 1000.0  # Hz
+    found, described = identify_device(str(out), None, 8.0, force, None, rate, None, None)
+    write_description(out, described, found)
+    typer.echo(f"wrote what was identified to {out}")
+
+
+def _refuse_file(out):
+    if not out.parent.is_dir() or out.exists():
+        raise ValueError(f"--out is {out}, but it must be a new file in a folder that exists")
+
+
+@device.command()
+def test(
+    name: Annotated[str, typer.Argument(help=_NAME, autocompletion=shipped("devices"))] = "desktop",
+    motor: Annotated[
+        float, number("--motor", "motor units", 0.0, 1.0, help="Motor value that x is given meanwhile (motor units).")
+    ] = 0.01,
+    domain: Annotated[int | None, whole("--domain", 0, 232, help=_DOMAIN)] = None,
+    namespace: Annotated[str | None, typer.Option(help=_NAMESPACE)] = None,
+    as_json: Annotated[bool, typer.Option("--json", help=_JSON)] = False,
+) -> None:
+    """Try every promise that a device owes the servo. Exit code 1: one is not kept, 2: nothing could be tried."""
+    from haptic_display.device_tools import conformance, device_page
+
+    with _refused("test"), device_page.opened(name, domain, namespace) as page:
+        typer.echo(f"the motor of x is given {motor:g} motor units for some seconds: leave the handle", err=True)
+        results = conformance.check_all(page, lambda told: typer.echo(f"trying: {told}", err=True), motor)
+    if as_json:
+        typer.echo(json.dumps({"checks": [result._asdict() for result in results]}))
+    else:
+        console().print(_results(results))
+    kept = all(result.passed for result in results)
+    if kept and not as_json:
+        next_step(f"haptic demo --scene wall --seconds 20 --device {shown_path(name)}")
+    raise typer.Exit(0 if kept else 1)
+
+
+def _results(results):
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table("promise", "", "measured, or why not")
+    for result in results:
+        verdict = Text("kept", "green") if result.passed else Text("NOT kept", "bold red")
+        table.add_row(Text(result.name), verdict, Text(result.figure or result.sentence))
+    return table
+
+
+@contextlib.contextmanager
+def _refused(command):
+    """What cannot be done is said in one sentence, exit code 2; interrupted: 130."""
+    from haptic_display.run.processes import NodeDiedError, interruptible
+
+    try:
+        with interruptible():
+            yield
+    except (ValueError, OSError, NodeDiedError) as error:
+        typer.echo(f"haptic device {command}: {in_words(error)}", err=True)
+        raise typer.Exit(2) from None
+    except KeyboardInterrupt:
+        raise typer.Exit(INTERRUPTED) from None

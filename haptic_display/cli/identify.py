@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic identify`: shakes the connected device, and writes what it is made of as a device description."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from haptic_device.digits import with_error
+from haptic_device.os_errors import in_words
+from haptic_display.cli.completion import shipped
+from haptic_display.cli.numbers import number, whole
+from haptic_display.cli.progress import INTERRUPTED
+from haptic_display.cli.words import console, next_step, shown_path
+
+_DEVICE = "Device description that the driver has, the beginning of the search (a name in config/devices or a file)."
+_TORQUE = "Largest torque of the shaking about theta (N m) [a twentieth of its motor's]."
+_LOOPBACK = "Description of the loopback that is started, if it is to be another device."
+_DOMAIN = "Identify the driver that runs in this ROS domain, with nobody holding the handle."
+
+
+WORDS = {"coulomb": "Coulomb friction", "resolution": "encoder step", "residual": "position error, RMS"}
+PREFIX = {"delay": ("m", 1e3), "resolution": ("µ", 1e6), "residual": ("µ", 1e6)}  # of the table
+
+
+def identify(
+    out: Annotated[Path, typer.Option(help="Device description to write.")] = Path("identified.yaml"),
+    device: Annotated[str, typer.Option(help=_DEVICE, autocompletion=shipped("devices"))] = "desktop",
+    loopback: Annotated[str | None, typer.Option(help=_LOOPBACK, autocompletion=shipped("devices"))] = None,
+    seconds: Annotated[float, number("--seconds", "s", 3.0, 600.0, help="How long it is shaken (s).")] = 8.0,
+    force: Annotated[float, number("--force", "N", help="Largest force of the shaking on each axis (N).")] = 3.0,
+    torque: Annotated[float | None, number("--torque", "N m", help=_TORQUE)] = None,
+    rate: Annotated[
+        float, number("--rate", "Hz", 500.0, 10000.0, help="Servo rate of a driver that is started here (Hz).")
+    ] = 4000.0,
+    domain: Annotated[int | None, whole("--domain", 0, 232, help=_DOMAIN)] = None,
+    namespace: Annotated[str | None, typer.Option(help="Namespace of the running driver.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+):
+    """Mass, damping, friction, encoder step and delay of the connected device, with 95 % confidence."""
+    from haptic_display.device_tools.identification import identify_device, write_description
+    from haptic_display.run.processes import NodeDiedError, interruptible
+
+    try:
+        _refuse_folder(out)
+        with interruptible():
+            found, described = identify_device(device, loopback, seconds, force, torque, rate, domain, namespace)
+        write_description(out, described, found)
+    except (ValueError, OSError, NodeDiedError) as error:
+        typer.echo(f"haptic identify: {in_words(error)}", err=True)
+        raise typer.Exit(2) from None
+    except KeyboardInterrupt:
+        typer.echo("haptic identify: interrupted; the gains are as they were", err=True)
+        raise typer.Exit(INTERRUPTED) from None
+    report = {"device": described.name, "file": str(out), "axes": found}
+    if as_json:
+        typer.echo(json.dumps(report))
+        return
+    _show(report)
+    next_step(f"haptic check {shown_path(out)}, then haptic demo --device {shown_path(out)}")
+
+
+def _refuse_folder(out):
+    if not out.parent.is_dir() or out.is_dir():
+        raise ValueError(f"--out is {out}, but it must be a file in a folder that exists")
+
+
+def _show(report):
+    from rich.markup import escape
+    from rich.table import Table
+
+    from haptic_display.device_tools.identification import UNITS
+
+    axes = report["axes"]
+    table = Table("", title=report["device"])
+    for axis in axes:
+        table.add_column(axis, no_wrap=True)
+    for name, (unit, turning) in UNITS.items():
+        prefix, scale = PREFIX.get(name, ("", 1.0))
+        unit, turning = f"{prefix}{unit}", f"{prefix}{turning}"
+        units = f"{unit}, theta {turning}" if "theta" in axes and turning != unit else unit
+        table.add_row(
+            escape(f"{WORDS.get(name, name)} [{units}]"), *(_scaled(*values[name], scale) for values in axes.values())
+        )
+    console().print(table)
+    print(f"description  {report['file']}")
+
+
+def _scaled(value, error, scale):
+    return with_error(value * scale, None if error is None else error * scale)

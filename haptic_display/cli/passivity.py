@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic passivity`: is this display passive, is it stable, by how much, and what to change."""
+
+import json
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from haptic_device.digits import apart, plain
+from haptic_device.os_errors import in_words
+from haptic_device.theory.assessment import Display, advise, assess
+from haptic_display.cli.numbers import number
+from haptic_display.cli.words import console, next_step, print_sentence
+
+
+def passivity(
+    stiffness: Annotated[float, number("--stiffness", "N/m", help="Stiffness K of the wall or coupling (N/m).")],
+    damping: Annotated[float, number("--damping", "N s/m", help="Its virtual damping B, of either sign (N s/m).")],
+    physical_damping: Annotated[
+        float, number("--physical-damping", "N s/m", help="Physical damping b of the device (N s/m).")
+    ],
+    period: Annotated[float, number("--period", "s", help="Servo period T (s).")],
+    mass: Annotated[
+        float, number("--mass", "kg", help="Moving mass m of the device (kg); only stability needs it.")
+    ] = 0.1,
+    delay_samples: Annotated[
+        float, number("--delay-samples", "periods", help="Loop delay in periods, fractions allowed.")
+    ] = 0.0,
+    stamp_error: Annotated[
+        float, number("--stamp-error", "s", 0.0, 1.0, help="Half-width of what is not known of a sample's time (s).")
+    ] = 0.0,
+    velocity_lag: Annotated[
+        float, number("--velocity-lag", "s", help="Time constant of the velocity filter (s).")
+    ] = 0.0,
+    resolution: Annotated[
+        float, number("--resolution", "m", help="Encoder step (m); 0 leaves quantization out.")
+    ] = 0.0,
+    coulomb: Annotated[float, number("--coulomb", "N", help="Coulomb friction of the device (N).")] = 0.0,
+    plot: Annotated[Path | None, typer.Option(help="Write the K-B plane to this PNG file.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
+):
+    """Passivity and stability of a wall or coupling on a sampled device (Colgate, Stanley & Brown 1995)."""
+    if period > 0.0:  # a sample may be that much older than its stamp
+        delay_samples += stamp_error / period
+    display = Display(
+        stiffness, damping, physical_damping, period, mass, delay_samples, velocity_lag, resolution, coulomb
+    )
+    try:
+        assessment = assess(display)
+        if plot is not None:
+            _save(display, assessment, plot)
+    except (ValueError, OSError) as error:
+        typer.echo(f"haptic passivity: {in_words(error)}", err=True)
+        raise typer.Exit(2) from None
+    if as_json:
+        typer.echo(json.dumps(_report(display, assessment)))
+    else:
+        _show(display, assessment)
+        next_step(_next(display, assessment))
+
+
+def _save(display, assessment, path):
+    from haptic_device.theory.passivity_figure import save_map
+
+    save_map(display, assessment, path)
+
+
+def _report(display, assessment):
+    """Inputs, results and the advice; JSON has no infinity, so a need without end is null."""
+    values = {**display._asdict(), **assessment._asdict()}
+    finite = {key: value if math.isfinite(value) else None for key, value in values.items()}
+    return {**finite, "advice": advise(display, assessment)}
+
+
+def _show(display, assessment):
+    table = Table(title=_heading(display), title_justify="left")
+    for column in ("question", "answer", "has", "needs"):
+        table.add_column(column, justify="left" if column == "question" else "right")
+    for row in _rows(display, assessment):
+        table.add_row(*row)
+    console().print(table)
+    print_sentence(advise(display, assessment))
+
+
+def _next(display, assessment):
+    if assessment.passive and assessment.mu_passive:
+        wanted = {"coupling.damping": display.damping, "coupling.stiffness": display.stiffness}
+        return "; ".join(f"haptic set haptic_driver {name} {value:g}" for name, value in wanted.items())
+    limit = min(assessment.stiffness_max_passive, assessment.stiffness_max_mu)
+    other = f"--stiffness {plain(0.9 * limit, digits=2)}" if limit > 0.0 else "another --damping"
+    return f"the same with {other}, or more --physical-damping"
+
+
+def _rows(display, assessment):
+    damping, stiffness = ("b", "N s/m", display.physical_damping), ("K", "N/m", display.stiffness)
+    limit, coupled = assessment.stiffness_max_passive, assessment.stiffness_max_mu
+    yield _row("passive wall, any operator", assessment.margin > 0.0, *damping, ">", assessment.b_required)
+    coupling = "passive coupling, any simulation"
+    yield _row(coupling, assessment.mu_passive, *damping, ">", assessment.b_required_mu)
+    if display.resolution > 0.0:
+        friction, needed = display.coulomb, assessment.coulomb_required
+        yield _row("encoder step covered by friction", friction >= needed, "f", "N", friction, "≥", needed)
+    yield _row("soft enough as a passive wall", stiffness[2] < limit, *stiffness, "<", limit)
+    yield _row("soft enough as a passive coupling", stiffness[2] < coupled, *stiffness, "<", coupled)
+    yield _row("stable when nobody holds it", assessment.stable, *stiffness, "<", assessment.stiffness_max_stable)
+
+
+def _row(question, holds, symbol, unit, has, sign, needs):
+    """Has and needs with enough digits to see that one is beyond the other."""
+    told, limit = apart(has, needs)
+    needed = f"{symbol} {sign} {limit} {unit}" if math.isfinite(needs) else f"no {symbol} is enough"
+    return question, "[green]yes[/green]" if holds else "[red]no[/red]", f"{symbol} = {told} {unit}", needed
+
+
+def _heading(display):
+    return (
+        f"K = {display.stiffness:g} N/m, B = {display.damping:g} N s/m, b = {display.physical_damping:g} N s/m, "
+        f"T = {display.period:g} s, m = {display.mass:g} kg,\ndelay {display.delay_samples:g} T, velocity lag "
+        f"{display.velocity_lag:g} s, encoder step {display.resolution:g} m, friction {display.coulomb:g} N"
+    )

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic zwidth`: which walls a device shows without shaking: as a map of its model, or live on the running nodes."""
+
+import json
+import os
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from haptic_device.digits import amount, plain
+from haptic_device.os_errors import in_words
+from haptic_display.cli.completion import shipped
+from haptic_display.cli.numbers import number, whole
+from haptic_display.cli.progress import INTERRUPTED, SCHEDULER, progress
+from haptic_display.cli.words import console, next_step, print_sentence, shown_path
+from haptic_display.run.processes import NodeDiedError, interruptible
+
+_DEVICE = "Take m, b, friction, encoder step and delays from this device's x axis (a name in config/devices or a file)."
+
+_LIVE = "Raise the wall's stiffness on driver and loopback until it shakes, instead of drawing the map of a model."
+_DOMAIN = "With --live: ROS domain of nodes that run already, the hand's motion being follow."
+LIVE_ONLY = "damping", "domain", "namespace"
+SHARES = {"quiet": "quiet", "gives": "energy given to the operator", "shakes": "shaking"}
+EITHER = "device", "period", "stiffness_max", "as_json"
+
+
+def zwidth(
+    context: typer.Context,
+    device: Annotated[str | None, typer.Option(help=_DEVICE, autocompletion=shipped("devices"))] = None,
+    mass: Annotated[float | None, number("--mass", "kg", help="Moving mass m (kg) [0.1].")] = None,
+    physical_damping: Annotated[
+        float | None, number("--physical-damping", "N s/m", help="Physical damping b (N s/m) [0.5].")
+    ] = None,
+    period: Annotated[float, number("--period", "s", help="Servo period T (s).")] = 0.001,
+    delay_samples: Annotated[
+        float | None, number("--delay-samples", "periods", help="Loop delay in periods [0].")
+    ] = None,
+    velocity_lag: Annotated[
+        float, number("--velocity-lag", "s", help="Time constant of the velocity filter (s).")
+    ] = 0.0,
+    resolution: Annotated[float | None, number("--resolution", "m", help="Encoder step (m) [0].")] = None,
+    coulomb: Annotated[float | None, number("--coulomb", "N", help="Coulomb friction (N) [0].")] = None,
+    lateness: Annotated[
+        float, number("--lateness", "s", help="Also draw: writes late by anything up to this (s), at most T/2.")
+    ] = 0.0,
+    operator: Annotated[
+        str, typer.Option(help="none, light, firm, or worst of a grid of masses and springs.")
+    ] = "none",
+    stiffness_max: Annotated[
+        float | None, number("--stiffness-max", "N/m", help="Largest K of the map (N/m) [by theory].")
+    ] = None,
+    damping_max: Annotated[
+        float | None, number("--damping-max", "N s/m", help="Largest B of the map (N s/m) [4 b].")
+    ] = None,
+    points: Annotated[int, whole("--points", 2, 1000, help="Cells along each axis.")] = 100,
+    seconds: Annotated[float, number("--seconds", "s", help="Simulated time of a cell (s).")] = 1.0,
+    out: Annotated[Path, typer.Option(help="Folder for map.csv and map.png.")] = Path("zwidth"),
+    workers: Annotated[int | None, whole("--workers", 1, 1024, help="Threads [one a core].")] = None,
+    scheduler: Annotated[str, typer.Option(help=SCHEDULER)] = "",
+    live: Annotated[bool, typer.Option("--live", help=_LIVE)] = False,
+    damping: Annotated[
+        float, number("--damping", "N s/m", help="With --live: virtual damping B of the wall (N s/m).")
+    ] = 0.0,
+    domain: Annotated[int | None, whole("--domain", 0, 232, help=_DOMAIN)] = None,
+    namespace: Annotated[str | None, typer.Option(help="With --live: namespace of nodes that run already.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+):
+    """Z-width of a device: the K-B plane of walls it can show (Colgate & Brown 1994), in lock-step simulation."""
+    given = {"mass": mass, "physical_damping": physical_damping, "delay_samples": delay_samples, "coulomb": coulomb}
+    given = {name: value for name, value in {**given, "resolution": resolution}.items() if value is not None}
+    try:
+        _refuse_options_of_the_other_mode(context, live)
+        if live:
+            found = _measure(device or "desktop", period, damping, stiffness_max, domain, namespace)
+        else:
+            given |= {"period": period, "velocity_lag": velocity_lag, "seconds": seconds}
+            cells = operator, stiffness_max, damping_max, points
+            found = _draw(device, given, cells, lateness, out, workers or len(os.sched_getaffinity(0)), scheduler)
+    except (ValueError, OSError, NodeDiedError) as error:
+        typer.echo(f"haptic zwidth: {in_words(error)}", err=True)
+        raise typer.Exit(2) from None
+    except KeyboardInterrupt:
+        kept = "the gains are as they were" if live else f"rows that were done are in {out / 'map.csv'}"
+        typer.echo(f"haptic zwidth: interrupted; {kept}", err=True)
+        raise typer.Exit(INTERRUPTED) from None
+    show = _show_live if live else _show
+    if as_json:
+        typer.echo(json.dumps(found))
+        return
+    show(found)
+    next_step(_next(found, live))
+
+
+def _refuse_options_of_the_other_mode(context: typer.Context, live: bool):
+    sources = {name: context.get_parameter_source(name) for name in context.params if name not in (*EITHER, "live")}
+    given = [name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"]
+    if wrong := ", ".join(f"--{name.replace('_', '-')}" for name in given if (name in LIVE_ONLY) is not live):
+        raise ValueError(f"with --live, {wrong} has no meaning" if live else f"{wrong} needs --live")
+
+
+def _next(found, live):
+    if not live:
+        return f"open {shown_path(found['figure'])}; haptic zwidth --live tries the walls on a device"
+    quiet = found["live"]["quiet"]
+    return (
+        "haptic passivity says why"
+        if quiet is None
+        else f"haptic demo --scene wall --view; walls up to {plain(quiet, 'N/m')} stand still"
+    )
+
+
+def _draw(device, given, cells, lateness, out, workers, scheduler):
+    from haptic_display.device_tools.zwidth_plane import Setup, device_figures, request_of, write_map
+
+    base = {"mass": 0.1, "physical_damping": 0.5} if device is None else device_figures(device, given["period"])
+    request = request_of(Setup(**base | given), *cells)
+    rows = request.damping.size
+    with interruptible(), progress(rows) as show:
+        return write_map(request, lateness, out, workers, scheduler, lambda done: show(done, "rows of the map"))
+
+
+def _measure(name, period, damping, stiffness_max, domain, namespace):
+    from rich.console import Console
+
+    from haptic_display.device_tools.zwidth import measure, plan
+
+    wanted = plan(name, period, damping, stiffness_max)
+    with interruptible(), Console(stderr=True).status("starting") as status:
+        return measure(wanted, domain, namespace, status.update)
+
+
+def _show_live(found):
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(
+        "figure", "live", "lock-step", title=f"Z-width at {found['rate']:g} Hz, B = {found['damping']:g} N s/m"
+    )
+    for label, *keys in (
+        ("stiffest wall that stands still [N/m]", "quiet"),
+        ("softest wall that shakes [N/m]", "shaking"),
+        ("damping felt in free space [N s/m]", "damping", "none"),
+        ("the same, 95 % cancelled [N s/m]", "damping", "cancelled"),
+    ):
+        table.add_row(escape(label), *(_number(found[side], keys) for side in ("live", "lockstep")))
+    console().print(table)
+    at_bound = _at_bound(found["at_95_percent_of_passive"])
+    print_sentence(f"passive up to {plain(found['passive'], 'N/m')}{at_bound}")
+
+
+def _at_bound(found):
+    if found["shaking"] is None:
+        return ""
+    shakes = "shakes" if found["shaking"] else "stands still"
+    return f"; a wall at 95 % of that {shakes} and gives {amount(found['energy_given'], 'J')} to the hand"
+
+
+def _number(values, keys):
+    for key in keys:
+        values = values[key]
+    return "none" if values is None else plain(values)
+
+
+def _show(found):
+    from rich.markup import escape
+    from rich.table import Table
+
+    lines, run = found["stiffness_max"], {"quiet": "all quiet up to", "not_shaking": "none shakes up to"}
+    heads = (f"{run.get(name, name.replace('_', ' '))} [N/m]" for name in lines)
+    table = Table(
+        escape("B [N s/m]"), *map(escape, heads), title="Largest stiffness of a wall: by simulation, and by theory"
+    )
+    for i in np.unique(np.linspace(0, len(found["damping"]) - 1, 9).astype(int)):
+        row = (found["damping"][i], *(line[i] for line in lines.values()))
+        table.add_row(*("none" if value is None else plain(value) for value in row))
+    console().print(table)
+    shares = ", ".join(f"{SHARES[name]} in {plain(100 * share)} %" for name, share in found["shares"].items())
+    print_sentence(f"{found['cells']} cells with operator {found['operator']}: {shares}")
+    print(f"map     {found['csv']}\nfigure  {found['figure']}")

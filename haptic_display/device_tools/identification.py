@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the connected device is made of: shaken, estimated axis by axis, written as a description."""
+
+from pathlib import Path
+
+from haptic_device.config.description import load_device
+from haptic_device.config.files import find
+from haptic_device.config.yaml_reader import dump
+from haptic_device.os_errors import naming
+from haptic_device.theory.identify import identify, resolution_of, trace_of
+from haptic_device.theory.quantity import positive
+from haptic_display.device_tools.excitation import record_excitation
+from haptic_display.device_tools.pair import on_pair
+
+SHARE = 0.05  # of the motor's torque, to turn with
+_COUPLING = ("coupling.stiffness", "coupling.damping", "coupling.rotational_stiffness", "coupling.rotational_damping")
+UNITS = {  # of translation, and of rotation
+    "mass": ("kg", "kg m²"),
+    "damping": ("N s/m", "N m s/rad"),
+    "coulomb": ("N", "N m"),
+    "bias": ("N", "N m"),
+    "delay": ("s", "s"),
+    "resolution": ("m", "rad"),
+    "residual": ("m", "rad"),
+}
+
+
+def identify_device(name, loopback, seconds, force, torque, rate, domain, namespace):
+    """({axis: its figures}, description) of the driver there, or else of a pair that is started here.
+
+    name, loopback: descriptions of the driver's device, and of the loopback's if it is another (or None); for so long
+    [s], with at most so much force [N] and torque [N m]; at this servo rate [Hz]. Raises ValueError, NodeDiedError.
+    """
+    positive("force", force, "N")
+    positive("rate", rate, "Hz")
+    described = load_device(name)
+    other = load_device(loopback) if loopback else described
+    if len(other.axes) != len(described.axes):
+        raise ValueError(f"--loopback has {len(other.axes)} axes and --device {len(described.axes)}")
+    _refuse_force(described, force)
+    torque = _torque(described, torque)
+    told = {"device": str(Path(find("devices", name)).absolute()), "servo.rate": rate, **dict.fromkeys(_COUPLING, 0.0)}
+    told |= {"fault.silence": 1.0, "fault.unattended": 0.0}  # nobody's hand is at this one
+    true = {"device": str(Path(find("devices", loopback or name)).absolute()), **dict.fromkeys(_hand(), 0.0)}
+    true["motor_watchdog"] = 1.0
+    shaking = described, seconds, force, torque
+    rows = on_pair(domain, namespace, told, true, lambda *where: record_excitation(*where, *shaking))
+    return {axis.name: estimate(rows, i, axis) for i, axis in enumerate(described.axes)}, described
+
+
+def _hand():
+    parts = ("mass", "damping", "stiffness", "rotational_mass", "rotational_damping", "rotational_stiffness")
+    return tuple(f"hand.{part}" for part in parts)
+
+
+def _refuse_force(device, force):
+    for axis in device.axes[:2]:
+        if force > axis.motor_limit:
+            raise ValueError(
+                f"force is {force:g} N, but the motor of axis {axis.name} gives at most {axis.motor_limit:g} N"
+            )
+
+
+def _torque(device, torque):
+    """Largest torque of the shaking [N m]; None where nothing turns."""
+    if len(device.axes) < 3:
+        if torque is not None:
+            raise ValueError(f"torque is {torque:g} N m, but {device.name} has no theta")
+        return None
+    limit = device.axes[2].motor_limit
+    torque = SHARE * limit if torque is None else torque
+    positive("torque", torque, "N m")
+    if torque > limit:
+        raise ValueError(f"torque is {torque:g} N m, but the motor of axis theta gives at most {limit:g} N m")
+    return torque
+
+
+def estimate(rows, index, axis):
+    """Figures of one axis: name → (value, confidence or None). Raises ValueError, one sentence with the axis's name."""
+    per_count = axis.encoder_sign / axis.counts_per_unit
+    units = ("rad", "N m", "kg m²") if axis.name == "theta" else ("m", "N", "kg")
+    try:
+        found = identify(trace_of(rows, index, per_count), axis.mass, axis.damping, units)
+        step = resolution_of(rows["counts"][:, index], per_count)
+    except ValueError as refusal:
+        raise ValueError(f"axis {axis.name}: {refusal}") from None
+    values = {name: tuple(getattr(found, name)) for name in ("mass", "damping", "coulomb", "bias", "delay")}
+    return values | {"resolution": (step, None), "residual": (found.residual, None)}
+
+
+def write_description(path, described, found):
+    """The description with what was found in it; the confidence stands beside it as comments."""
+    delay = max(0.0, _weighted([axis["delay"] for axis in found.values()]))
+    content = described.model_dump(mode="json")
+    for axis in content["axes"]:
+        for name in ("mass", "damping", "coulomb"):
+            axis[name] = round(max(0.0, found[axis["name"]][name][0]), 9)
+    content |= {"name": f"{described.name}_identified", "sensing_delay": 0.0, "actuation_delay": round(delay, 9)}
+    lines = [f"#   {axis}: {_line(axis, values)}" for axis, values in found.items()]
+    head = "# Identified by haptic identify, ± 95 % confidence. Only the sum of both delays can be told: it stands as\n"
+    head += "# actuation_delay.\n"
+    with naming(path):
+        path.write_text(head + "\n".join(lines) + "\n" + dump(content), encoding="utf-8")
+
+
+def _weighted(estimates):
+    """Mean of values, the surer the heavier."""
+    weights = [1.0 / max(confidence, 1e-12) ** 2 for _, confidence in estimates]
+    return sum(w * value for w, (value, _) in zip(weights, estimates, strict=True)) / sum(weights)
+
+
+def _line(axis, values):
+    return ", ".join(f"{name} {figure_text(*pair)} {UNITS[name][axis == 'theta']}" for name, pair in values.items())
+
+
+def figure_text(value, confidence):
+    """A figure with its confidence, if it has one."""
+    return f"{value:.5g}" if confidence is None else f"{value:.5g} ± {confidence:.2g}"

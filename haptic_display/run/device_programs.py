@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The processes that a device needs beside the driver: haptic_loopback, or a bridge and what it speaks to."""
+
+import contextlib
+import socket
+from pathlib import Path
+from typing import NamedTuple
+
+from haptic_device.config.description import Device, load_device
+from haptic_device.config.link_registry import UdpOptions
+from haptic_device.config.parameter_types import defaults
+from haptic_display.run.processes import NAMESPACE, Program
+from haptic_sim.node.parameters import NODES
+
+LOOPBACK, BRIDGE, REFERENCE = "haptic_loopback", "haptic_bridge", "reference_device"
+MODULES = {LOOPBACK: "haptic_device.nodes.loopback", BRIDGE: "haptic_device.nodes.bridge"}
+
+
+class ReferenceDevice(NamedTuple):
+    """The reference device as a program: not a node, and without parameters of ROS."""
+
+    words: tuple[str, ...]
+    name: str = REFERENCE
+    parameters: dict = {}
+    files: tuple[Path, ...] = ()
+    namespace: str = NAMESPACE
+    renamed: dict[str, str] = {}
+
+    def command(self) -> list[str]:
+        """The command line that starts it."""
+        return list(self.words)
+
+
+def device_node(device: Device) -> str:
+    """The node of ours that serves the device's page; "" where it is somebody else's process."""
+    if device.link.type == "loopback":
+        return LOOPBACK
+    return "" if device.link.type == "shared_memory" else BRIDGE
+
+
+def device_programs(name: str, hand: dict, folder: Path, files: tuple[Path, ...] = ()) -> list:
+    """Programs to be started for the device of this name or file, in this order.
+
+    hand: parameters of haptic_loopback, which the reference device follows too, and what cuts it; folder: where its
+    settings and its terminal go; files: of more parameters. ValueError, one sentence, where it cannot be had.
+    """
+    device = load_device(name)
+    node = device_node(device)
+    if node == LOOPBACK:
+        return [Program(LOOPBACK, MODULES[LOOPBACK], {"device": name, **hand}, files)]
+    if not node:
+        return []
+    bridge = {"device": name}
+    if not _has_reference(device):
+        return [Program(BRIDGE, MODULES[BRIDGE], bridge, files)]
+    if "motor_watchdog" in hand:
+        bridge["motor_watchdog"] = hand["motor_watchdog"]
+    line, bridge["port"] = _line(device, folder)
+    return [_reference(device, hand, folder, line), Program(BRIDGE, MODULES[BRIDGE], bridge, files)]
+
+
+def _has_reference(device: Device) -> bool:
+    return getattr(device.link.options, "program", "") == "reference"
+
+
+def _line(device: Device, folder: Path) -> tuple[tuple[str, str], str]:
+    """Words that tell the reference device its line, and the bridge's `port`."""
+    if isinstance(device.link.options, UdpOptions):
+        with contextlib.closing(socket.socket(type=socket.SOCK_DGRAM)) as free:
+            free.bind(("127.0.0.1", 0))
+            port = str(free.getsockname()[1])
+        return ("--udp", port), port
+    terminal = str(folder.absolute() / "reference.pty")
+    return ("--pty", terminal), terminal
+
+
+def _reference(device: Device, hand: dict, folder: Path, line: tuple[str, str]) -> ReferenceDevice:
+    from haptic_display.run.reference_device import compiled, config_of
+
+    values = defaults(NODES[LOOPBACK]) | hand
+    program, settings = compiled(), folder.absolute() / "reference_device.txt"
+    folder.mkdir(parents=True, exist_ok=True)
+    settings.write_text(config_of(device, values))
+    return ReferenceDevice((str(program), "--config", str(settings), *line))
