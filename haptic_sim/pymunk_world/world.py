@@ -30,6 +30,7 @@ the rest of the overlap stays. How far the tool rebounds: `rebound`.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import pymunk
@@ -52,6 +53,15 @@ SET_FORCE, SET_TORQUE = (vars(pymunk.Body)[name].fset for name in ("force", "tor
 
 _BODY = batch.BodyFields
 _PLACES = _BODY.BODY_ID | _BODY.POSITION | _BODY.ANGLE | _BODY.VELOCITY | _BODY.ANGULAR_VELOCITY
+
+
+class Energies(NamedTuple):
+    """Sums over equal steps [J]; spare: lost at the tool and not yet given back by push-out, since the reset."""
+
+    supplied: float
+    numerical: float
+    correction: float
+    spare: float
 
 
 class PymunkWorld:
@@ -149,7 +159,7 @@ class PymunkWorld:
             self.space.on_collision(OWN_KINDS, None, post_solve=self._note_contact)
         pull, last = self._pull(*start), self._pull(*end)
         rise = [(b - a) / (count * self.inner) for a, b in zip(pull, last, strict=True)]
-        supplied, numerical, correction, push, touched = self._sub_steps(pull, rise, count)
+        (supplied, numerical, correction, self._spare), push, touched = self._sub_steps(pull, rise, count)
         pressed, depth = self._touching.worst() if touched or len(self._bodies) > 1 else (0.0, 0.0)
         return StepResult(supplied, touched, max(push / self.sub_step, pressed), depth, 0, 0.0, correction, numerical)
 
@@ -165,11 +175,16 @@ class PymunkWorld:
         stiff, damping, turning, turning_damping = self._gains
         return stiff * hx + damping * vx, stiff * hy + damping * vy, turning * angle + turning_damping * turn
 
-    def _sub_steps(self, pull: Planar, rise: list[float], count: int) -> tuple[float, float, float, float, bool]:
+    def _sub_steps(self, pull: Planar, rise: list[float], count: int) -> tuple[Energies, float, bool]:
         """Equal steps of `count` sub-steps; `pull` of the handle before them, and by how much it changes in a step.
 
         Returns what the coupling supplied, what it lost by backward difference while nothing else pushed the tool, what
-        push-out put in [J], the largest impulse of contacts on the tool in a sub-step [N s], and whether there was any.
+        push-out put in and what is spare; the largest impulse of contacts on the tool in a sub-step [N s]; whether
+        there was any. Its locals, as in (1) and (2) above; _ stands for _x, _y, _t:
+
+        fixed  K stiff, turning; B damping, turning_damping; m_e heavy, hard_to_turn; h K + B spring, rotor; m g weight_
+        kept   pull_ and its rise_; x, y, angle; vx, vy, w; of a sub-step: sum_ of the force, push_ of J, its least
+        step   force fx, fy, torque; v⁺ ux, uy, turn; v⁺ − v ax, ay, aw; J jx, jy, jw; x⁺ px, py, to; its time move
         """
         h, tool, sweep, space_step = self._h, self._tool, self._sweep, self.space.step
         stiff, damping, turning, turning_damping = self._gains
@@ -229,9 +244,9 @@ class PymunkWorld:
                 touching, push, self._met = self._met > 0.0, self._met, 0.0
             touched, largest = touched or touching, max(largest, push)
         self.position, self.velocity, self._state = (x, y, angle), (vx, vy, w), None
-        self._spare, self.touching = spare, touching
+        self.touching = touching
         self.force_on_tool = sum_x / self.inner, sum_y / self.inner, sum_t / self.inner
-        return supplied, numerical, correction, largest, touched
+        return Energies(supplied, numerical, correction, spare), largest, touched
 
     def _note_contact(self, arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: object) -> None:
         """Adds up what contacts push a jointed tool by [N s]; called by Chipmunk for each that does."""
