@@ -2,6 +2,7 @@
 """One cycle, two clocks: the same tick by the computer's clock against a link, or in lock-step against the plant."""
 
 import functools
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -30,37 +31,44 @@ def _records(dtype):
     return types.Array(numba.from_dtype(dtype), 1, "C")
 
 
+class Mails(NamedTuple):
+    """Words of the servo's mailboxes; it writes the last alone."""
+
+    settings: np.ndarray
+    tool: np.ndarray
+    near: np.ndarray
+    row: np.ndarray
+
+
+class Records(NamedTuple):
+    """What the servo works in: one record each, and the rows of the ring.
+
+    ticks: copied to the mailbox and into the ring's rows at a tick's end.
+    """
+
+    settings: np.ndarray
+    state: np.ndarray
+    ticks: np.ndarray
+    rows: np.ndarray
+    tool: np.ndarray
+    near: np.ndarray
+
+
 def _signature():
-    return types.int64(
-        types.FunctionType(hardware_interface.READ),
-        types.FunctionType(hardware_interface.WRITE),
-        *(_WORDS, _WORDS, _WORDS, _WORDS, _WORDS, _WORDS, _WORDS),
-        *map(_records, (SETTINGS, STATE, TICK, TRACE_ROW, TOOL, contact_model.SET)),
-    )
+    # memory first: of a tuple that begins with a function numba says each time that these are experimental
+    link = _WORDS, types.FunctionType(hardware_interface.READ), types.FunctionType(hardware_interface.WRITE)
+    records = tuple(map(_records, (SETTINGS, STATE, TICK, TRACE_ROW, TOOL, contact_model.SET)))
+    mails = types.NamedUniTuple(_WORDS, len(Mails._fields), Mails)
+    return types.int64(types.Tuple(link), _WORDS, _WORDS, mails, types.NamedTuple(records, Records))
 
 
-def run_realtime(
-    read,
-    write,
-    memory_of_link,
-    control,
-    settings_mail,
-    tool_mail,
-    near_mail,
-    row_mail,
-    ring,
-    settings,
-    state,
-    ticks,
-    rows,
-    tool,
-    near,
-):
+def run_realtime(link, control, ring, mails, records):
     """The servo by CLOCK_MONOTONIC until control[STOP]; every way out writes zero to the motor. Returns missed ticks.
 
-    ticks: the TICK record to work in, copied to the mailbox and into the ring's rows at its end. settings, state, tool,
-    near: one record each. Nothing here allocates, locks or calls Python.
+    link: memory, read and write of a hardware interface, a plain tuple. ring: words. Nothing here allocates, locks or
+    calls Python.
     """
+    (memory_of_link, read, write), (settings, state, ticks, rows, tool, near) = link, records
     scratch, sample = np.zeros(2, np.int64), np.zeros(hardware_interface.SAMPLE)
     zero, motor = np.zeros(3), np.zeros(3)
     settings_words, tool_words = atomic.words_of(settings), atomic.words_of(tool)
@@ -69,7 +77,7 @@ def run_realtime(
     tick, sensors = ticks[0], ticks[0].sensors
     near_staged = np.empty_like(near_words)
     tool_turn, missed, compute, delay, number = -1, 0, 0.0, 0.0, 0
-    settings_turn = _take(control, settings_mail, settings_staged, settings_words, -1)
+    settings_turn = _take(control, mails.settings, settings_staged, settings_words, -1)
     lively = True
     period = np.int64(round(settings[0].period * 1e9))
     deadline = clock.now_ns(scratch) + period
@@ -87,10 +95,10 @@ def run_realtime(
         fresh = read(memory_of_link, deadline, deadline + patience, sample)
         lively = fresh == 1 or sample[hardware_interface.LATCHED] > known
         began = clock.now_ns(scratch)
-        settings_turn = _take(control, settings_mail, settings_staged, settings_words, settings_turn)
-        tool_turn = _take(control, tool_mail, tool_staged, tool_words, tool_turn)
+        settings_turn = _take(control, mails.settings, settings_staged, settings_words, settings_turn)
+        tool_turn = _take(control, mails.tool, tool_staged, tool_words, tool_turn)
         near_known = near_turn
-        near_turn = _take(control, near_mail, near_staged, near_words, near_turn)
+        near_turn = _take(control, mails.near, near_staged, near_words, near_turn)
         if near_turn != near_known and near[0].number > 0.0:
             tool_contacts.take(state[0].virtual_tool.contacts, near[0])
         sensors.missed, sensors.compute, sensors.write_delay = missed, compute, delay
@@ -103,7 +111,7 @@ def run_realtime(
         written = clock.now_ns(scratch)
         engaged = np.int64(tick.output.state == enable_state.ENGAGED)
         write(memory_of_link, written, deadline + period, period, engaged, motor)
-        atomic.publish(row_mail, 0, seqlock.FIRST, words)
+        atomic.publish(mails.row, 0, seqlock.FIRST, words)
         # a full ring drops the row; the servo never waits for its reader
         slot = seqlock.ring_slot(ring, rows.size)
         if slot >= 0:

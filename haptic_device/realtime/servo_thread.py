@@ -129,24 +129,11 @@ class ServoThread:
                 return
             threading.Event().wait(LOOK_UP)
         settings = self.settings.get().view(np.ndarray).view(SETTINGS)
-        tool, near = np.zeros(1, servo_loop.TOOL), np.zeros(1, contact_model.SET)
-        self._run_ticks(
-            self.link.read,
-            self.link.write,
-            self.link.memory,
-            self.control,
-            self.settings.words,
-            self.tool.words,
-            self.near.words,
-            self.row.words,
-            self.ring.words,
-            settings,
-            self._state,
-            np.zeros(1, TICK),
-            self.ring.rows,
-            tool,
-            near,
-        )
+        link = self.link.memory, self.link.read, self.link.write
+        mails = servo_loop.Mails(self.settings.words, self.tool.words, self.near.words, self.row.words)
+        tick, tool, near = (np.zeros(1, kind) for kind in (TICK, servo_loop.TOOL, contact_model.SET))
+        records = servo_loop.Records(settings, self._state, tick, self.ring.rows, tool, near)
+        self._run_ticks(link, self.control, self.ring.words, mails, records)
 
     def _take_home(self):
         """Makes the present position the home position; False where the device has no sample that says what it is."""
