@@ -91,10 +91,8 @@ class ExchangeServer:
         return np.percentile(known, (50, 99)) if len(known) else np.full(2, np.nan)
 
     def _run(self):
-        row, gains, tool = (np.zeros(1, TRACE_ROW), np.zeros(1, law.COUPLING_GAINS), np.zeros(1, servo_loop.TOOL))
-        mails = self._servo.row.words, self._servo.gains.words, self._servo.tool.words
         try:
-            self._run_rcl(mails, row, gains, tool)
+            self._run_rcl()
         except Exception as error:
             if self._compiled.is_set():
                 raise
@@ -102,30 +100,22 @@ class ExchangeServer:
         finally:
             self._compiled.set()
 
-    def _run_rcl(self, mails, row, gains, tool):
-        publisher, subscription = self._publisher.handle, self._subscription.handle
+    def _run_rcl(self):
+        publisher, subscription, servo = self._publisher.handle, self._subscription.handle, self._servo
         near_handle = self._near.handle if self._near is not None else contextlib.nullcontext()
-        records = row, gains, tool
+        mails = exchange_loop.Mails(servo.row.words, servo.gains.words, servo.tool.words)
+        kinds = TRACE_ROW, law.COUPLING_GAINS, servo_loop.TOOL
+        records, near = exchange_loop.Records(*(np.zeros(1, kind) for kind in kinds)), None
         with publisher, subscription, near_handle:  # they live on while the loop has their addresses
             exchange_loop.load_library()
             inbox, outbox = exchange_loop.incoming_buffer(), exchange_loop.outgoing_buffer(self.frame.outgoing)
-            near = None, None, None, None
+            addresses = publisher.pointer, subscription.pointer
+            line = exchange_loop.Line(*addresses, inbox, outbox, self.frame, self._period)
             if self._near is not None:
-                near = near_handle.pointer, self.near_frame, self._servo.near.words, np.zeros(1, contact_model.SET)
+                record = np.zeros(1, contact_model.SET)
+                near = exchange_loop.Near(near_handle.pointer, self.near_frame, servo.near.words, record)
             for watch in (stopped(), self.watch):
-                exchange_loop.run_exchange(
-                    publisher.pointer,
-                    subscription.pointer,
-                    inbox,
-                    outbox,
-                    self._period,
-                    self.frame,
-                    self.state,
-                    watch,
-                    *mails,
-                    *records,
-                    *near,
-                )
+                exchange_loop.run_exchange(line, self.state, watch, mails, records, near)
                 self._get_ready()
             exchange_loop.free(inbox)
 

@@ -5,6 +5,7 @@ It knows ROS as five C functions and the addresses of a publisher and a subscrip
 """
 
 import ctypes
+from typing import NamedTuple
 
 import llvmlite.binding
 import numpy as np
@@ -56,58 +57,78 @@ def free(words):
     ctypes.CDLL("librcutils.so").rcutils_uint8_array_fini(ctypes.c_void_p(words.ctypes.data))
 
 
+class Line(NamedTuple):
+    """Addresses of rcl entities, the buffers above, where numbers lie in them, and the handle samples' period [ns]."""
+
+    publisher: int
+    subscription: int
+    inbox: np.ndarray
+    outbox: np.ndarray
+    frame: exchange_step.Frame
+    period: int
+
+
+class Mails(NamedTuple):
+    """Words of the servo's mailboxes: the exchange reads the first two, and writes the last."""
+
+    row: np.ndarray
+    gains: np.ndarray
+    tool: np.ndarray
+
+
+class Records(NamedTuple):
+    """What the exchange knows of each mailbox, a record of each."""
+
+    row: np.ndarray
+    gains: np.ndarray
+    tool: np.ndarray
+
+
+class Near(NamedTuple):
+    """Where local contacts come in, where their numbers lie, and the servo's mailbox and the record for them."""
+
+    subscription: int
+    frame: exchange_step.NearFrame
+    mail: np.ndarray
+    record: np.ndarray
+
+
 @kernel
-def run_exchange(
-    publisher,
-    subscription,
-    inbox,
-    outbox,
-    period,
-    frame,
-    state,
-    watch,
-    row_mail,
-    gains_mail,
-    tool_mail,
-    row,
-    gains,
-    tool,
-    near_subscription,
-    near_frame,
-    near_mail,
-    near,
-):
-    """Sends a handle sample each period [ns] and takes what comes in between, until watch[STOP]; returns samples sent.
+def run_exchange(line, state, watch, mails, records, near):
+    """Sends a handle sample each period and takes what comes in between, until watch[STOP]; returns samples sent.
 
     Each row of the servo is sent once: where it has no new one yet, the sample waits for it.
 
-    publisher, subscription: addresses of rcl entities, near_subscription too; inbox, outbox: the buffers above; records
-    of one each. Without local contacts near_subscription and all after it are None, and nothing of theirs is compiled.
+    near: None without local contacts, and nothing of theirs is compiled.
     """
-    scratch = np.zeros(2, np.int64)
+    scratch, frame, inbox, period = np.zeros(2, np.int64), line.frame, line.inbox, line.period
     deadline = clock.now_ns(scratch)
     # a set of local contacts comes behind the answer, and nobody says when
-    idle = answer_looks.IDLE if near_subscription is None else answer_looks.POLL
+    idle = answer_looks.IDLE if near is None else answer_looks.POLL
     while atomic.load(watch, exchange_step.STOP) == 0:
         now = clock.now_ns(scratch)
-        if now >= deadline and exchange_step.next_handle(frame, state, row_mail, gains_mail, row, gains, scratch):
+        if now >= deadline and exchange_step.next_handle(
+            frame, state, mails.row, mails.gains, records.row, records.gains, scratch
+        ):
             deadline += period * (1 + (now - deadline) // period)  # by whole periods: what was missed is left out
-            _publish(publisher, outbox.ctypes.data, 0)
+            _publish(line.publisher, line.outbox.ctypes.data, 0)
             watch[exchange_step.SENT] += 1
         # all that wait, oldest first: one that is refused hides no answer behind or before it
         for _ in range(MOST):
-            if _take(subscription, inbox.ctypes.data, 0, 0) != 0:
+            if _take(line.subscription, inbox.ctypes.data, 0, 0) != 0:
                 break
             size = inbox[1]  # of what came; what is longer than ours is refused by its size, and cut here
             _memcpy(frame.incoming.ctypes.data, inbox[0], min(size, frame.incoming.size))
-            exchange_step.take_in(frame, size, state[0], watch, gains[0], tool, tool_mail, clock.now_ns(scratch))
-        if near_subscription is not None:
+            exchange_step.take_in(
+                frame, size, state[0], watch, records.gains[0], records.tool, mails.tool, clock.now_ns(scratch)
+            )
+        if near is not None:
             for _ in range(MOST):
-                if _take(near_subscription, inbox.ctypes.data, 0, 0) != 0:
+                if _take(near.subscription, inbox.ctypes.data, 0, 0) != 0:
                     break
                 size = inbox[1]
-                _memcpy(near_frame.incoming.ctypes.data, inbox[0], min(size, near_frame.incoming.size))
-                exchange_step.take_in_contacts(near_frame, size, state[0], watch, near, near_mail)
+                _memcpy(near.frame.incoming.ctypes.data, inbox[0], min(size, near.frame.incoming.size))
+                exchange_step.take_in_contacts(near.frame, size, state[0], watch, near.record, near.mail)
         now = clock.now_ns(scratch)
         look = exchange_step.look_after(state[0], now, idle)
         # a deadline that has passed: the servo has no new row

@@ -88,10 +88,12 @@ def exchange_of_the_driver():
     watch[exchange_step.STOP] = 1
     records = [np.zeros(1, kind) for kind in (TRACE_ROW, exchange_samples.COUPLING_GAINS, servo_loop.TOOL)]
     mails = [SeqLock(record.dtype).words for record in records]
-    contacts = 1, near_frame, SeqLock(contact_model.SET).words, np.zeros(1, contact_model.SET)
+    near = exchange_loop.Near(1, near_frame, SeqLock(contact_model.SET).words, np.zeros(1, contact_model.SET))
+    line = exchange_loop.Line(1, 1, buffer, buffer, frame, 1)
+    owned = exchange_loop.Mails(*mails), exchange_loop.Records(*records)
     exchange_loop.load_library()
-    for near in (contacts, (None, None, None, None)):
-        exchange_loop.run_exchange(1, 1, buffer, buffer, 1, frame, state, watch, *mails, *records, *near)
+    for contacts in (near, None):
+        exchange_loop.run_exchange(line, state, watch, *owned, contacts)
 
 
 def replay():
