@@ -34,9 +34,8 @@ STATE = np.dtype(
 class Frame(NamedTuple):
     """Where the numbers lie in a message of fixed layout, and its bytes for either direction.
 
-    outgoing, incoming: uint8, aligned so that the numbers are; reals and stamp: views on outgoing behind its 4-byte
-    head; received: the same on incoming; fixed: 1 where a byte must be as in the template; first: index into reals of
-    the position, velocity and effort arrays, count numbers each.
+    outgoing, incoming: uint8, aligned so that the numbers are; reals and received: views on them, the sample as
+    control/exchange_samples has it; stamp: view on outgoing; fixed: 1 where a byte must be as in the template.
     """
 
     outgoing: np.ndarray
@@ -46,8 +45,6 @@ class Frame(NamedTuple):
     received: np.ndarray
     template: np.ndarray
     fixed: np.ndarray
-    first: np.ndarray
-    count: int
 
 
 class NearFrame(NamedTuple):
@@ -71,22 +68,17 @@ def make_near_frame(template, fixed, offset):
 
 
 def make_frame(template, fixed, offsets, count):
-    """Frame for a message with these template bytes, mask of fixed bytes, and offsets of its three arrays."""
+    """Frame for a message with these template bytes, mask of fixed bytes, and offsets of its three arrays.
+
+    These are equally long, so that each begins as far behind the one before.
+    """
     size = len(template)
     outgoing, incoming = _aligned(size), _aligned(size)
     outgoing[:] = np.frombuffer(template, np.uint8)
-    whole = 4 + (size - 4) // 8 * 8
-    return Frame(
-        outgoing,
-        outgoing[4:whole].view(np.float64),
-        outgoing[4:12].view(np.int32),
-        incoming,
-        incoming[4:whole].view(np.float64),
-        outgoing.copy(),
-        np.ascontiguousarray(fixed, np.uint8),
-        (np.array(offsets, np.int64) - 4) // 8,
-        count,
-    )
+    strides = offsets[1] - offsets[0], 8
+    reals, received = (np.ndarray((3, count), np.float64, of, offsets[0], strides) for of in (outgoing, incoming))
+    fixed = np.ascontiguousarray(fixed, np.uint8)
+    return Frame(outgoing, reals, outgoing[4:12].view(np.int32), incoming, received, outgoing.copy(), fixed)
 
 
 def _aligned(size):
@@ -99,16 +91,14 @@ def _aligned(size):
 @kernel
 def compose_handle(frame, state, row, gains, scratch):
     """Writes the next handle sample into frame.outgoing, from the servo's newest row."""
-    axes, position, velocity, effort = int(state.axes), frame.first[0], frame.first[1], frame.first[2]
+    axes, position, velocity, effort = int(state.axes), frame.reals[0], frame.reals[1], frame.reals[2]
     state.in_time = 1 if is_answered(state) else 0
     state.sequence += 1.0  # a float64, as all in the message: whole numbers up to 2**53, which no session reaches
     state.sent[int(state.sequence) % REMEMBERED] = np.int64(row.deadline)
     state.composed[int(state.sequence) % REMEMBERED] = clock.now_ns(scratch)
     for i in range(axes):
-        frame.reals[position + i] = row.position[i]
-        frame.reals[velocity + i] = row.velocity[i]
-        frame.reals[effort + i] = row.exchange_effort[i]
-    tail = frame.reals[position + axes : position + frame.count]
+        position[i], velocity[i], effort[i] = row.position[i], row.velocity[i], row.exchange_effort[i]
+    tail = position[axes:]
     tail[exchange_samples.LAYOUT], tail[exchange_samples.SESSION], tail[exchange_samples.SEQUENCE] = (
         exchange_samples.LAYOUT_VERSION,
         state.session,
@@ -122,7 +112,7 @@ def compose_handle(frame, state, row, gains, scratch):
         gains.rotational_damping,
     )
     for i in range(axes):
-        frame.reals[effort + axes + exchange_samples.GAIN_0 + i] = gains.limit[i]
+        effort[axes + exchange_samples.GAIN_0 + i] = gains.limit[i]
     tail[exchange_samples.CONTACT], tail[exchange_samples.ENERGY] = 0.0, row.exchange_energy
     stamp = np.int64(row.deadline) + state.clock_offset
     frame.stamp[0], frame.stamp[1] = stamp // 1_000_000_000, stamp % 1_000_000_000
@@ -151,8 +141,8 @@ def take_in(frame, size, state, watch, gains, tool, tool_mail, now):
         watch[REFUSED + verdict] += 1
         return verdict
     watch[ANSWERED] += 1
-    axes, position, velocity, effort = int(state.axes), frame.first[0], frame.first[1], frame.first[2]
-    tail = frame.received[position + axes : position + frame.count]
+    axes, position, velocity, effort = int(state.axes), frame.received[0], frame.received[1], frame.received[2]
+    tail = position[axes:]
     record = tool[0]
     record.session, record.sequence = tail[exchange_samples.SESSION], tail[exchange_samples.SEQUENCE]
     record.answered, record.sent = (
@@ -162,9 +152,7 @@ def take_in(frame, size, state, watch, gains, tool, tool_mail, now):
     record.contact, record.energy = tail[exchange_samples.CONTACT], tail[exchange_samples.ENERGY]
     record.handle_sequence = state.sequence
     for i in range(axes):
-        record.position[i] = frame.received[position + i]
-        record.velocity[i] = frame.received[velocity + i]
-        record.effort[i] = frame.received[effort + i]
+        record.position[i], record.velocity[i], record.effort[i] = position[i], velocity[i], effort[i]
     state.peer_session, state.peer_answered, state.peer_accepted = record.session, record.answered, now
     composed = state.composed[int(record.answered) % REMEMBERED]
     state.round_trip[state.turns % REMEMBERED] = now - composed
@@ -198,11 +186,7 @@ def _judge(frame, size, state, gains, now):
     for i in range(size):
         if frame.fixed[i] != 0 and frame.incoming[i] != frame.template[i]:
             return exchange_samples.OTHER_NAMES
-    count, axes = frame.count, int(state.axes)
-    sample = np.empty((3, count))
-    for part in range(3):  # of slices it would compile numpy's refusal of other shapes, which is all of its strings
-        for i in range(count):
-            sample[part, i] = frame.received[frame.first[part] + i]
+    sample, axes = frame.received, int(state.axes)
     peer = exchange_samples.Peer(state.peer_session, state.peer_answered, state.peer_accepted)
     verdict = exchange_samples.judge_tool(
         sample, axes, peer, state.session, state.sequence, state.method, gains.hash, now, SILENCE

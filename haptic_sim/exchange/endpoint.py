@@ -235,10 +235,8 @@ class ExchangeEndpoint:
         return Question(HandleSample._make(whole), axes, tail, self._peer.session != before)
 
     def _judge(self, sample: np.ndarray, axes: int, now_ns: int) -> int:
-        """ACCEPTED, or why it is refused; each session counts anew."""
-        same = sample[0, axes + exchange_samples.SESSION] == self._peer.session
-        peer = self._peer if same else self._peer._replace(number=0.0)
-        return exchange_samples.judge_handle(sample, axes, peer, self._method, now_ns, DEVICE_SILENCE_NS)
+        """ACCEPTED, or why it is refused."""
+        return exchange_samples.judge_handle(sample, axes, self._peer, self._method, now_ns, DEVICE_SILENCE_NS)
 
     def _refuse(self, code: int) -> None:
         self.refused[exchange_samples.REFUSALS[code]] += 1
