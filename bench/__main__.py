@@ -19,6 +19,7 @@ COMMANDS = {  # name: (module with a `main`, what it measures)
     ),
     "hard_cases": ("bench.methods.hard_cases", "which method and which peer survives which hard scene"),
     "hashes": ("bench.methods.hashes", "hashes of every scene by each method, to compare two commits by"),
+    "houses": ("bench.houses", "the rooms of the three packages and who imports whom, for architecture.md"),
     "link": ("bench.servo.link", "a device on a line: its sample in hand beside a bare pair in C, and its clock"),
     "load": ("bench.servo.load", "processor and memory of the whole live system, node by node"),
     "local": ("bench.exchange.local", "what the tool in the servo is worth: stiffness, drag and mass, Fig. 5, tasks"),

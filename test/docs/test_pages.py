@@ -4,6 +4,11 @@
 import re
 from pathlib import Path
 
+import pytest
+
+from bench import houses
+from bench.houses import HOUSES
+
 ROOT = Path(__file__).parents[2]
 PAGES = {
     str(page.relative_to(ROOT)): page.read_text(encoding="utf-8")
@@ -79,7 +84,7 @@ def test_links_and_paths_lead_somewhere():
     for name, text in PAGES.items():
         for target in re.findall(r"\]\((?!https?:)([^)#]+)[^)]*\)|src=\"([^\"]+)\"", text):
             gone += [(name, target)] * (not (ROOT / name).parent.joinpath("".join(target)).exists())
-        for path in re.findall(r"`((?:bench|config|docs|launch|test|haptic_device|haptic_sim)/[\w./]+\w)`", text):
+        for path in re.findall(r"`((?:bench|config|docs|launch|test|haptic_\w+)/[\w./]+\w)`", text):
             gone += [(name, path)] * (not (ROOT / path).exists())
     assert gone == []
 
@@ -91,9 +96,24 @@ def test_each_file_that_a_tour_of_the_tree_names_exists_and_each_room_is_named()
             for path in re.findall(r"`([\w./-]+\.(?:py|md|yaml|toml))`", part):
                 assert (ROOT / path).exists() or (room / path).exists(), (name, path)
                 room = (ROOT / path).parent if "/" in path else room  # a bare name: a neighbour of the path before it
-    folders = {file.parent for room in ("haptic_device", "haptic_sim") for file in (ROOT / room).rglob("*.py")}
-    rooms = {str(folder.relative_to(ROOT)) for folder in folders} - {"haptic_device", "haptic_sim"}
+    folders = {file.parent for house in HOUSES for file in (ROOT / house).rglob("*.py")}
+    rooms = {str(folder.relative_to(ROOT)) for folder in folders} - HOUSES.keys()
     assert {room for room in rooms if f"`{room}`" not in PAGES[ARCHITECTURE]} == set()
+
+
+def test_the_picture_of_the_packages_is_made_from_their_imports_and_no_arrow_goes_up(tmp_path, monkeypatch):
+    rooms = {house: houses.rooms_of(house) for house in HOUSES}
+    assert houses.PICTURE.read_text() == houses.drawn(rooms)
+    assert all(len(houses.floors(house, rooms[house])) <= 7 for house in HOUSES)
+    assert all(len([*(ROOT / house).glob("[!_]*.py")]) <= 6 for house in HOUSES)
+    assert houses.needed({"a": {"b", "c"}, "b": {"c"}, "c": set()}) == [("a", "b"), ("b", "c")]
+    with pytest.raises(ValueError, match=r"^shed: a, b import each other in a circle$"):
+        houses.floors("shed", {"a": {"b"}, "b": {"a"}, "c": set()})
+    (tmp_path / "haptic_device").mkdir()
+    (tmp_path / "haptic_device/law.py").write_text("from haptic_sim.scene import language\n")
+    monkeypatch.setattr(houses, "ROOT", tmp_path)
+    with pytest.raises(ValueError, match=r"^haptic_device/law.py imports \S+: haptic_sim stands above haptic_device$"):
+        houses.rooms_of("haptic_device")
 
 
 def test_every_picture_in_the_documents_says_what_is_on_it():
