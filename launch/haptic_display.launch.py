@@ -6,9 +6,10 @@ does it, one transition after the other; `false`: they stay unconfigured for `ro
 configure` and its like.
 
 It runs in the Python of `ros2`, which may not see the libraries of a virtual environment: of ours it takes
-`config_files`, `yaml_reader` and `motion` only, which need none but PyYAML.
+`config.files` and `scene.needs` only, which need none but PyYAML.
 """
 
+from functools import partial
 from pathlib import Path
 
 from launch import LaunchDescription
@@ -23,15 +24,13 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.utilities import prefix_namespace
 from lifecycle_msgs.msg import Transition
 
-from haptic_device.config.files import find, find_beside
-from haptic_device.config.yaml_reader import load
-from haptic_sim.scene.motion import flat_motion
+from haptic_device.config.files import find
+from haptic_sim.scene.needs import TOGETHER, needs_of
 
 RVIZ = Path(__file__).parents[1] / "config/layouts/haptic.rviz"
 RVIZ_TOPICS = ("markers", "robot_description")  # that it has below /haptic
 BOOLEAN = ["true", "True", "1", "false", "False", "0"]  # what IfCondition takes
 LAUNCH = "launch"
-TOGETHER = 45.0  # [s] that a driver which enables itself waits for the tool, as in `haptic demo`
 
 # name: (default, meaning, choices; None: any text)
 ARGUMENTS = {
@@ -63,78 +62,40 @@ def _nodes(context):
     choices = {name: given[name] for name, (*_, chosen) in ARGUMENTS.items() if chosen and given[name] != LAUNCH}
     on = {name for name, value in choices.items() if IfCondition(value).evaluate(context)}
     files = [str(find("", given["parameters"]))] if given["parameters"] else []
-    own = _own(given, on)
-    device = given["device"] or _device_in(files)
-    serving = _serving(device)
-    own["haptic_bridge"] |= {"device": device} if device else {}
-    nodes = [_managed(name, given["namespace"], files, own.get(name, {})) for name in _executables(on, serving)]
+    scene = str(find("scenes", given["scene"]).absolute()) if given["scene"] else ""
+    above = context.launch_configurations.get("ros_namespace")
+    inside = (prefix_namespace(above, given["namespace"]) or "").strip("/")
+    needs = needs_of(scene, given["device"], files, f"/{inside}")
+    own = _own(given, on, scene, needs)
+    made = partial(_node, namespace=given["namespace"], files=files)
+    nodes = [made(LifecycleNode, name, own=own[name]) for name in _executables(on, needs.serving)]
     driven = [action for node in nodes for action in _driven(node)] if given["autostart"] == LAUNCH else []
-    page = [_page(given["namespace"], files)] if on & {"view", "rviz"} else []
-    return nodes + driven + page + ([_rviz(context, given["namespace"])] if "rviz" in on else [])
-
-
-def _serving(device):
-    """The node that serves the device of the argument, by its description's link; none, if it is another's process."""
-    link = (load(find("devices", device)).get("link") if device else None) or {"type": "loopback"}
-    kind = link.get("type") if isinstance(link, dict) else None  # what is wrong in it, the driver says
-    return {"loopback": "haptic_loopback", "shared_memory": None}.get(kind, "haptic_bridge")
-
-
-def _device_in(files):
-    """The device that a parameter file gives the driver, as a path or name; "" for none."""
-    found = ""
-    for file in files:
-        try:
-            sections = load(file, ros=True)
-        except ValueError:  # which the nodes say
-            continue
-        for key, section in sections.items():
-            own = key.rpartition("/")[2] in ("haptic_driver", "**") and isinstance(section, dict)
-            values = section.get("ros__parameters") if own else None
-            if isinstance(values, dict) and isinstance(values.get("device"), str):
-                found = find_beside(Path(file), "devices", values["device"])
-    return found
+    page = [made(Node, "haptic_viewer", own={})] if on & {"view", "rviz"} else []
+    return nodes + driven + page + ([_rviz(given["namespace"], inside)] if "rviz" in on else [])
 
 
 def _executables(on, serving):
-    optional = {"loopback": serving, "record": "haptic_recorder"} if serving else {"record": "haptic_recorder"}
-    return ["haptic_driver", "haptic_simulation", *(name for argument, name in optional.items() if argument in on)]
+    optional = {"loopback": serving, "record": "haptic_recorder"}
+    wanted = [name for argument, name in optional.items() if name and argument in on]
+    return ["haptic_driver", "haptic_simulation", *wanted]
 
 
-def _own(given, on):
-    """{executable: parameters} that the arguments give. Raises OSError and ValueError, one sentence."""
-    driver, bridge, loopback, simulation, recorder = (
-        {} if "autostart" in on else {"autostart": False} for _ in range(5)
-    )
-    if given["scene"]:
-        scene = find("scenes", given["scene"]).absolute()
-        simulation["scene"] = str(scene)
-        loopback |= {f"motion.{name}": value for name, value in _motion(scene).items()}
-    if given["device"]:
-        find("devices", given["device"])
-        driver["device"] = loopback["device"] = given["device"]
-    if "enable" in on:
-        driver |= {"auto_enable": True, "auto_enable_wait": TOGETHER}
+def _own(given, on, scene, needs):
+    """{executable: parameters} that the arguments give."""
+    own = {} if "autostart" in on else {"autostart": False}
+    device = {"device": given["device"]} if given["device"] else {}
+    enabling = {"auto_enable": True, "auto_enable_wait": TOGETHER} if "enable" in on else {}
     return {
-        "haptic_bridge": bridge,
-        "haptic_driver": driver,
-        "haptic_loopback": loopback,
-        "haptic_simulation": simulation,
-        "haptic_recorder": recorder,
+        "haptic_bridge": own | ({"device": needs.device} if needs.device else {}),
+        "haptic_driver": own | device | enabling,
+        "haptic_loopback": own | needs.motion | device,
+        "haptic_simulation": own | ({"scene": scene} if scene else {}),
+        "haptic_recorder": own,
     }
 
 
-def _motion(scene):
-    """The motion of the hand that a scene suggests; what is wrong in the rest of it, the simulation says."""
-    motion = load(scene).get("motion")
-    try:
-        return flat_motion(motion) if isinstance(motion, dict) else {}
-    except ValueError as error:
-        raise ValueError(f"{scene}: motion.{error}") from None
-
-
-def _managed(executable, namespace, files, own):
-    return LifecycleNode(
+def _node(kind, executable, *, namespace, files, own):
+    return kind(
         package="haptic_display",
         executable=executable,
         name=executable,
@@ -162,20 +123,8 @@ def _change(node, transition):
     return EmitEvent(event=ChangeState(lifecycle_node_matcher=matches_action(node), transition_id=transition))
 
 
-def _page(namespace, files):
-    return Node(
-        package="haptic_display",
-        executable="haptic_viewer",
-        name="haptic_viewer",
-        namespace=namespace,
-        parameters=files,
-        output="screen",
-    )
-
-
-def _rviz(context, namespace):
+def _rviz(namespace, inside):
     """RViz, with topics and world of this namespace in place of those of /haptic."""
-    inside = prefix_namespace(context.launch_configurations.get("ros_namespace"), namespace).strip("/")
     root = f"{inside}/" if inside else ""
     return Node(
         package="rviz2",

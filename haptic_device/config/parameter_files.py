@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameter files of ROS 2: what they give each node, and one sentence for each thing that is wrong in them."""
 
-import re
 from collections.abc import Iterator, Mapping
 
 from haptic_device.config import yaml_reader
 from haptic_device.config.files import find_beside
-from haptic_device.config.parameter_types import ROS_OWN, SECTION, Parameter, check_value, shown, unknown
+from haptic_device.config.parameter_sections import SECTION, given_to, outside, sections
+from haptic_device.config.parameter_types import ROS_OWN, Parameter, check_value, shown, unknown
 
 PLACES = {"device": "devices", "scene": "scenes"}
 """Parameters that name a file that is read, and the folder of config/ whose names they may take."""
@@ -38,23 +38,12 @@ def read_operating_point(path, nodes: Mapping[str, tuple[Parameter, ...]], names
     return values
 
 
-def section_keys(path) -> list[str]:
-    """Keys of the sections in the ROS 2 parameter file at path, in its order. Raises as `yaml_reader.load`."""
-    return [key for key, _ in _sections(yaml_reader.load(path, ros=True))]
-
-
-def reaches(key: str, name: str) -> bool:
-    """Whether a section with this key is for the node of this full name."""
-    return _pattern(key).fullmatch(name) is not None
-
-
 def right_values(document: dict, nodes: Mapping[str, tuple[Parameter, ...]], namespace: str = "/haptic"):
     """Of each node the values that are right, {node: {name: value}}, and the names of those that are not."""
     values, wrong = {node: {} for node in nodes}, {node: set() for node in nodes}
-    sections = _sections(document)
+    found = sections(document)
     for node, declared in nodes.items():
-        name = f"{namespace.rstrip('/')}/{node}"
-        given = dict(item for key, section in sections if reaches(key, name) for item in section.items())
+        given = given_to(f"{namespace.rstrip('/')}/{node}", found)
         for parameter in declared:
             if parameter.name in given:
                 try:
@@ -78,7 +67,7 @@ def file_problems(values: dict[str, dict], path) -> Iterator[str]:
 def operating_point_problems(document: dict, nodes: Mapping[str, tuple[Parameter, ...]]) -> Iterator[str]:
     """One sentence for each thing that is wrong in a parameter file, already loaded; nothing when all is well."""
     yield from _strays(document)
-    for key, given in _sections(document):
+    for key, given in sections(document):
         try:
             owners = _owners(key, nodes)
         except ValueError as error:
@@ -86,20 +75,6 @@ def operating_point_problems(document: dict, nodes: Mapping[str, tuple[Parameter
             continue
         for name, value in given.items():
             yield from (f"{key}: {sentence}" for sentence in entry_problems(name, value, owners))
-
-
-def outside(document: dict, path: str = "") -> Iterator[tuple[str, str, object]]:
-    """Keys that stand in no ros__parameters, with what they hold: (key of the node above, name, content)."""
-    for name, content in document.items():
-        yield path, name, content
-        if name != SECTION and isinstance(content, dict):
-            yield from outside(content, f"{path}/{name}" if path else name)
-
-
-def _sections(document):
-    """(node key, {dotted name: value}) for each ros__parameters in the file, in the order of the file."""
-    found = outside(document)
-    return [(path, dict(_flat(held))) for path, name, held in found if name == SECTION and isinstance(held, dict)]
 
 
 def _strays(document):
@@ -112,20 +87,6 @@ def _strays(document):
             yield f"{key} holds no parameters; indent them below it"
         elif not isinstance(content, dict):
             yield f"{key} holds {shown(content)}; a node name with {SECTION} below it belongs there"
-
-
-def _flat(mapping, prefix=""):
-    for name, content in mapping.items():
-        if isinstance(content, dict):
-            yield from _flat(content, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}", content
-
-
-def _pattern(key):
-    """Node key with wildcards as a pattern of full node names: * is one level, ** any number of them."""
-    levels = {"**": r"(/\w+)*", "*": r"/\w+"}
-    return re.compile("".join(levels.get(level, "/" + re.escape(level)) for level in key.strip("/").split("/")))
 
 
 def _owners(key, nodes):

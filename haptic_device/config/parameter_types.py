@@ -11,7 +11,6 @@ from pydantic import BaseModel, Field
 
 from haptic_device.config.files import nearest
 
-SECTION = "ros__parameters"
 ROS_OWN = re.compile(r"use_sim_time|start_type_description_service|qos_overrides\..*")
 KINDS = {bool: "boolean", int: "integer", float: "decimal number", str: "text", dict: "mapping", list: "list"}
 MOST = 1e9

@@ -4,7 +4,7 @@
 from pathlib import Path
 
 from haptic_device.config.files import find
-from haptic_device.config.parameter_types import SECTION
+from haptic_device.config.parameter_sections import SECTION
 from haptic_device.config.yaml_reader import dump
 
 YAML = "application/yaml"

@@ -11,7 +11,7 @@ from rclpy.utilities import remove_ros_args
 
 from haptic_device import ros_environment
 from haptic_device.config import yaml_reader
-from haptic_device.config.parameter_files import reaches, section_keys
+from haptic_device.config.parameter_sections import reaches, sections
 
 KINDS = tuple(
     f"haptic_{kind}" for kind in ("bridge", "driver", "loopback", "simulation", "recorder", "relay", "viewer")
@@ -58,7 +58,7 @@ def refuse_files_of_others(node, kind: str, args) -> None:
     """
     name = node.get_fully_qualified_name()
     for file in _parameter_files(sys.argv if args is None else args):
-        keys = section_keys(file)
+        keys = [key for key, _ in sections(yaml_reader.load(file, ros=True))]
         named = {key.rpartition("/")[2] for key in keys}
         if not (named <= {*KINDS} - {kind} or any(reaches(key, name) for key in keys)):
             raise ValueError(f"{file} has nothing for {name}, it is for {', '.join(keys)}")

@@ -13,7 +13,8 @@ import typer
 
 from haptic_device import ros_environment
 from haptic_device.config import yaml_reader
-from haptic_device.config.parameter_types import ROS_OWN, SECTION, unknown
+from haptic_device.config.parameter_sections import SECTION
+from haptic_device.config.parameter_types import ROS_OWN, unknown
 from haptic_display.cli.completion import node_name, parameter
 from haptic_display.cli.numbers import whole
 from haptic_display.cli.words import next_step, shown_path

@@ -17,10 +17,11 @@ from haptic_device.config.description import load_device
 from haptic_device.config.files import find
 from haptic_device.realtime import clock, shared_memory
 from haptic_device.realtime.hardware_interface import SAMPLE, SharedMemoryInterface
-from haptic_display.run.device_programs import device_node, device_programs
+from haptic_display.run.device_programs import device_programs
 from haptic_display.run.domain import isolated_domain
 from haptic_display.run.prepare import prepare
 from haptic_display.run.processes import NAMESPACE, Nodes
+from haptic_sim.scene.needs import served_by
 
 HAND: dict = {}  # as a simulated hand is by default
 STARTS = 30.0  # [s] that a node which was started here may take until its device answers
@@ -50,7 +51,7 @@ def opened(name: str, domain: int | None, namespace: str | None) -> Iterator[Sha
     """
     with contextlib.ExitStack() as stack:
         check, patience, own = dict, ANSWERS, os.environ.get("ROS_DOMAIN_ID")
-        if own and name and device_node(load_device(name)) == "":
+        if own and name and served_by(load_device(name).link.type) == "":
             domain = ros_environment.domain() if domain is None else domain
         if domain is None and namespace is None:
             logs = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="haptic_")))

@@ -5,7 +5,7 @@ from pathlib import PurePath
 from typing import NamedTuple
 
 from haptic_device.config.parameter_files import PLACES, operating_point_problems, right_values
-from haptic_device.config.parameter_types import SECTION, defaults
+from haptic_device.config.parameter_types import defaults
 from haptic_device.config.yaml_reader import loads
 from haptic_display.page import settings
 from haptic_sim.node.parameters import NODES
@@ -40,7 +40,7 @@ def point_in(file: bytes, namespace: str, running: dict[str, dict]) -> Point:
         raise ValueError(wrong[0] + (f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""))
     given, _ = right_values(document, settings.NODES, namespace)
     if not any(given.values()):
-        raise ValueError(f"the file has no {SECTION} for a node in {namespace}")
+        raise ValueError(f"the file has no ros__parameters for a node in {namespace}")
     live = defaults(settings.LIVE.values()) | {
         name: value for name, value in given[settings.DRIVER].items() if name in settings.LIVE
     }

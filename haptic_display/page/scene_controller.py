@@ -8,8 +8,8 @@ from haptic_device.message_fields import AXES
 from haptic_display.page.settings import SIMULATION
 from haptic_display.page.waiting import ARRIVAL, until
 from haptic_display.service_requests import set_parameters, trigger
-from haptic_sim.scene.drawing import drawing_of
 from haptic_sim.scene.language import load
+from haptic_sim.scene.needs import needs_of
 
 DOING = "the hand goes to where the scene begins"
 LOADING = 180.0  # s that a simulation may take to load: a method that nobody has used before is compiled
@@ -101,9 +101,9 @@ class SceneController:
 
     async def _lead_to_start(self, name):
         commands = self._commands
-        scene = drawing_of(load(name)) if name else commands.state.scene
         try:
-            commands.aim(dict(zip(AXES[: commands.state.axes], scene.solids[0].pose, strict=False)))
+            start = needs_of(name).start if name else commands.state.scene.solids[0].pose
+            commands.aim(dict(zip(AXES[: commands.state.axes], map(float, start), strict=False)))
         except (ValueError, AttributeError):
             return  # no hand that follows, or no scene
         await until(lambda: commands.arrived, ARRIVAL)

@@ -3,7 +3,8 @@
 
 import math
 
-from haptic_device.config.parameter_types import SECTION, Parameter, check_value
+from haptic_device.config.parameter_sections import SECTION
+from haptic_device.config.parameter_types import Parameter, check_value
 from haptic_device.config.yaml_reader import dump
 from haptic_sim.node import parameters as node_parameters
 

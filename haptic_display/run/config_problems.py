@@ -11,7 +11,8 @@ from haptic_device.config import yaml_reader
 from haptic_device.config.description import load_device
 from haptic_device.config.files import ConfigError
 from haptic_device.config.link_registry import SERVED
-from haptic_device.config.parameter_types import SECTION, defaults
+from haptic_device.config.parameter_sections import SECTION, outside
+from haptic_device.config.parameter_types import defaults
 from haptic_device.config.parameters import OPERATOR
 from haptic_device.control import controller_config, gain_check
 from haptic_device.device import loopback_config, operator_hand
@@ -272,4 +273,4 @@ def _motion(motion) -> list[str]:
 
 
 def _has_section(document):
-    return any(name == SECTION for _, name, _ in files.outside(document))
+    return any(name == SECTION for _, name, _ in outside(document))

@@ -11,8 +11,9 @@ from haptic_device.config.link_registry import UdpOptions
 from haptic_device.config.parameter_types import defaults
 from haptic_display.run.processes import NAMESPACE, Program
 from haptic_sim.node.parameters import NODES
+from haptic_sim.scene.needs import BRIDGE, LOOPBACK, served_by
 
-LOOPBACK, BRIDGE, REFERENCE = "haptic_loopback", "haptic_bridge", "reference_device"
+REFERENCE = "reference_device"
 MODULES = {LOOPBACK: "haptic_device.nodes.loopback", BRIDGE: "haptic_device.nodes.bridge"}
 
 
@@ -31,13 +32,6 @@ class ReferenceDevice(NamedTuple):
         return list(self.words)
 
 
-def device_node(device: Device) -> str:
-    """The node of ours that serves the device's page; "" where it is somebody else's process."""
-    if device.link.type == "loopback":
-        return LOOPBACK
-    return "" if device.link.type == "shared_memory" else BRIDGE
-
-
 def device_programs(name: str, hand: dict, folder: Path, files: tuple[Path, ...] = ()) -> list:
     """Programs to be started for the device of this name or file, in this order.
 
@@ -45,7 +39,7 @@ def device_programs(name: str, hand: dict, folder: Path, files: tuple[Path, ...]
     settings and its terminal go; files: of more parameters. ValueError, one sentence, where it cannot be had.
     """
     device = load_device(name)
-    node = device_node(device)
+    node = served_by(device.link.type)
     if node == LOOPBACK:
         return [Program(LOOPBACK, MODULES[LOOPBACK], {"device": name, **hand}, files)]
     if not node:

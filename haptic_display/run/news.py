@@ -9,7 +9,7 @@ import re
 import time
 
 from haptic_device import ros_environment
-from haptic_display.run.system import TOGETHER
+from haptic_sim.scene.needs import TOGETHER
 
 LIMIT = 2.0 * TOGETHER  # [s] without news
 UNSERVED = 10.0  # [s] likewise, where nodes that print are not heard of, and only a discovery server lets them be

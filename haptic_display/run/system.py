@@ -8,11 +8,11 @@ from haptic_device.config.description import load_device
 from haptic_device.config.files import find
 from haptic_device.config.parameter_files import PLACES, read_operating_point
 from haptic_device.config.parameter_types import check_value, defaults, unknown
-from haptic_display.run.device_programs import LOOPBACK, MODULES, REFERENCE, device_programs
+from haptic_display.run.device_programs import MODULES, REFERENCE, device_programs
 from haptic_display.run.processes import Program
 from haptic_sim.node.parameters import NODES
+from haptic_sim.scene.needs import LOOPBACK, TOGETHER, Needs, needs_of
 
-TOGETHER = 45.0  # [s] that the display waits for its simulation, which may be compiling its kernels
 FAR = {name: f"far_{name}" for name in ("handle", "tool", "local_contacts")}  # topics of a simulation behind a relay
 _MODULES = {
     "haptic_recorder": "haptic_device.nodes.recorder",
@@ -53,12 +53,11 @@ def programs_of(order: Order) -> list[Program]:
     said = read_operating_point(order.params, NODES)
     scene = find("scenes", order.scene).absolute()
     world = load(scene)
-    motion = {} if _moved_by_file(said, scene) else {f"motion.{key}": value for key, value in world.motion.items()}
     driver = {"servo.rate": order.rate, "exchange.method": order.exchange}
     driver |= {"auto_enable": True, "auto_enable_wait": TOGETHER}
     given = {
         "haptic_recorder": {"bag": str(order.out / "bag")},
-        "haptic_loopback": motion,
+        LOOPBACK: {},
         "haptic_simulation": {"scene": str(scene), "exchange.method": order.exchange},
         **({"haptic_relay": order.relay._asdict()} if order.relay else {}),
         "haptic_driver": driver,
@@ -66,15 +65,16 @@ def programs_of(order: Order) -> list[Program]:
     # ROS would take a path in the file as relative to where we are
     files = {name: {key: said[name][key] for key in PLACES if key in said[name]} for name in given}
     given = {name: files[name] | _stated(values) | order.given.get(name, {}) for name, values in given.items()}
-    if "device" in given["haptic_driver"]:  # the simulated device is that of the driver, where the file leaves it out
-        given[LOOPBACK].setdefault("device", given["haptic_driver"]["device"])
     if order.device:
         given["haptic_driver"]["device"] = given[LOOPBACK]["device"] = str(find("devices", order.device).absolute())
     _refuse_bad_devices(given, order.params)
+    needs = needs_of(scene, given[LOOPBACK].get("device", ""), (order.params,))  # that of the driver, if it has none
+    device = {"device": needs.device} if needs.device else {}
+    given[LOOPBACK] = ({} if _moved_by_file(said, scene) else needs.motion) | given[LOOPBACK] | device
     programs = []
     for name, values in given.items():
         program = _program(name, values, NODES[name], order.params)
-        programs += _device(program, said[LOOPBACK], order) if name == LOOPBACK else [program]
+        programs += _device(program, said[LOOPBACK], order, needs) if name == LOOPBACK else [program]
     hand = defaults(NODES[LOOPBACK]) | said[LOOPBACK] | given[LOOPBACK]
     if led_by_hand(programs) and hand["motion.name"] != "follow":  # one that follows is led out by a person
         for inside in hand_inside(tuple(world.solids.values()), world.kept_apart, hand["motion.start"]):
@@ -83,13 +83,12 @@ def programs_of(order: Order) -> list[Program]:
     return [program._replace(renamed=far if program.name == "haptic_simulation" else {}) for program in programs]
 
 
-def _device(loopback: Program, said: dict, order: Order) -> list:
+def _device(loopback: Program, said: dict, order: Order, needs: Needs) -> list:
     """What the device of the driver needs, in place of the loopback: its hand is that which the loopback would have."""
-    name = loopback.parameters.get("device", defaults(NODES[LOOPBACK])["device"])
-    if load_device(name).link.type == "loopback":
+    if needs.serving == LOOPBACK:
         return [loopback]
     hand = {key: value for key, value in (said | loopback.parameters).items() if key != "device"}
-    return device_programs(name, hand, order.out / "log", loopback.files)
+    return device_programs(needs.device, hand, order.out / "log", loopback.files)
 
 
 def led_by_hand(programs: list) -> bool:

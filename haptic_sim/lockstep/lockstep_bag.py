@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from haptic_device.config.description import Device
-from haptic_device.config.parameter_types import SECTION
+from haptic_device.config.parameter_sections import SECTION
 from haptic_device.config.yaml_reader import dump
 from haptic_device.control import exchange_samples
 from haptic_device.message_fields import TAIL, frame_id

@@ -11,7 +11,8 @@ from haptic_device.config import description, yaml_reader
 from haptic_device.config.description import Device, load_device
 from haptic_device.config.files import ConfigError, find
 from haptic_device.config.parameter_files import read_operating_point
-from haptic_device.config.parameter_types import SECTION, check_value, defaults
+from haptic_device.config.parameter_sections import SECTION
+from haptic_device.config.parameter_types import check_value, defaults
 from haptic_device.control import controller_config, gain_check
 from haptic_device.process import say
 from haptic_device.recording import load

@@ -4,10 +4,10 @@
 import pytest
 from in_process import haptic
 
-from haptic_device.config.description import load_device
 from haptic_display.run import reference_device
-from haptic_display.run.device_programs import BRIDGE, LOOPBACK, MODULES, REFERENCE, device_node, device_programs
+from haptic_display.run.device_programs import MODULES, REFERENCE, device_programs
 from haptic_display.run.system import led_by_hand
+from haptic_sim.scene.needs import BRIDGE, LOOPBACK, needs_of
 
 HAND = {"motion.name": "hold", "motor_watchdog": 0.5}
 
@@ -20,7 +20,7 @@ def no_compiler(monkeypatch):
 
 def test_each_device_has_the_node_that_serves_its_page():
     served = {"desktop": LOOPBACK, "own_device": "", "reference_udp": BRIDGE, "haply_2diy": BRIDGE}
-    assert {name: device_node(load_device(name)) for name in served} == served
+    assert {name: needs_of("", name).serving for name in served} == served
 
 
 def test_the_stand_in_gets_the_hand_and_the_files_and_for_somebody_elses_process_nothing_is_started(tmp_path):

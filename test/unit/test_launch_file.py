@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from lifecycle_msgs.msg import Transition
 
-from haptic_display.run.system import TOGETHER
+from haptic_sim.scene.needs import TOGETHER
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -93,7 +93,7 @@ def test_a_launch_file_runs_in_the_python_of_ros2_which_has_not_our_libraries(fi
         return {name for name in found if name.split(".")[0] not in known}
 
     ours = {"haptic_device.config.files", "haptic_device.config.yaml_reader", "haptic_device.os_errors"}
-    ours |= {"haptic_sim.scene.motion"}
+    ours |= {"haptic_device.config.parameter_sections", "haptic_sim.scene.motion", "haptic_sim.scene.needs"}
     assert foreign(file) <= ours
     for module in (*ours, *(f"haptic_{folder}.__init__" for folder in ("device", "device.config", "sim", "sim.scene"))):
         assert foreign(ROOT / f"{module.replace('.', '/')}.py") <= ours
@@ -133,6 +133,20 @@ def test_the_launch_file_starts_what_serves_the_device_that_the_driver_has(launc
         (tmp_path / "point.yaml").write_text(f"/**/haptic_driver: {{ros__parameters: {{device: {device}}}}}")
         nodes = launched(**{"device": device} if told == "argument" else {"parameters": str(tmp_path / "point.yaml")})
         assert set(nodes) == {"haptic_driver", "haptic_simulation"} | serving
+
+
+def test_a_device_counts_for_the_launch_file_where_its_section_reaches_the_driver(launched, tmp_path):
+    bridge, given = {"haptic_bridge"}, "ros__parameters: {device: moteus_knob}"
+    for section, served in (
+        (f"/**: {{{given}}}", bridge),
+        (f"/left/haptic_driver: {{{given}}}", bridge),
+        (f"left: {{haptic_driver: {{{given}}}}}", bridge),
+        (f"/right/haptic_driver: {{{given}}}", {"haptic_loopback"}),
+        (f"/**/haptic_simulation: {{{given}}}", {"haptic_loopback"}),
+    ):
+        (tmp_path / "point.yaml").write_text(section)
+        nodes = launched(parameters=str(tmp_path / "point.yaml"), namespace="left")
+        assert set(nodes) == {"haptic_driver", "haptic_simulation"} | served, section
 
 
 def test_what_is_not_there_or_no_yaml_is_refused_by_the_launch_file_in_one_sentence(launched, tmp_path):

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from haptic_device.config.parameter_types import SECTION
+from haptic_device.config.parameter_sections import sections
 from haptic_device.recording import load
 from haptic_device.recording.bag_contents import Joints
 from haptic_device.recording.columns import CloudColumns
@@ -239,9 +239,7 @@ def _corners(place: Array, vertices: Vertices, around: float) -> Iterator[Array]
 
 def _walls(run: Run) -> list[tuple[float, float, float]]:
     """Of the servo, as attached; none that cannot be read."""
-    for node in run.attached("parameters/haptic_driver.yaml").values():
-        given = node.get(SECTION) if isinstance(node, dict) else None
-        values = given if isinstance(given, dict) else {}
+    for _, values in sections(run.attached("parameters/haptic_driver.yaml")):
         try:
             normals, offsets = (np.array(values.get(f"wall.{name}", []), float) for name in ("normals", "offsets"))
             walls = np.column_stack([normals.reshape(-1, 2), offsets])
