@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every method that a shipped scene could have, as `haptic scenes --verify` measures it, against its reference."""
+"""Every method that a shipped scene could have, as `haptic check --verify` measures it, against its reference."""
 
 from pathlib import Path
 from typing import Annotated
@@ -9,7 +9,7 @@ import typer
 from bench.methods import hard_cases
 from bench.reference.case import NAMES, case
 from bench.reference.reference import reference
-from haptic_display.cli.scenes import ALL, verify_scenes
+from haptic_display.cli.check import ALL, verify_scenes
 from haptic_sim.lockstep.verify import LOOK, case_of, verify
 
 
@@ -21,7 +21,7 @@ def main(
 
     `--out haptic_sim/reduction/measured.csv` makes the table anew that `haptic scenes --explain` shows.
     """
-    verify_scenes(scene, out, _measured)
+    verify_scenes([scene], out, _measured)
 
 
 def _measured(name):

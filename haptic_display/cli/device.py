@@ -11,11 +11,9 @@ from typing import Annotated
 
 import typer
 
-from haptic_device.os_errors import in_words
 from haptic_display.cli.completion import shipped
 from haptic_display.cli.numbers import number, whole
-from haptic_display.cli.progress import INTERRUPTED
-from haptic_display.cli.words import console, next_step, shown_path
+from haptic_display.cli.words import console, next_step, refused, shown_path
 
 device = typer.Typer(no_args_is_help=True, help="A device of your own: find it, look at it, describe it, test it.")
 PAUSE = 0.2  # [s] between two looks
@@ -45,7 +43,7 @@ def find(
     from haptic_display.device_tools import search as device_search
     from haptic_display.device_tools import serial_ports
 
-    with _refused("find"):
+    with refused("device find"):
         for address in udp or ():
             device_search.address_of(address)
         if watch and udp:
@@ -87,7 +85,7 @@ def _print_found(found):
             typer.echo(f"    {note}")
 
 
-@device.command()
+@device.command(short_help="How the connected device is, live.")
 def show(
     domain: Annotated[int | None, whole("--domain", 0, 232, help="ROS domain [ROS_DOMAIN_ID, or 0].")] = None,
     namespace: Annotated[str | None, typer.Option(help="Namespace of the display [/haptic].")] = None,
@@ -98,7 +96,7 @@ def show(
     from haptic_device import ros_environment
     from haptic_display.device_tools.watch import DeviceWatch
 
-    with _refused("show"):
+    with refused("device show"):
         domain = ros_environment.domain() if domain is None else domain
         with contextlib.closing(DeviceWatch(domain, namespace)) as watched:
             if as_json or not (sys.stdin.isatty() and sys.stdout.isatty()):
@@ -141,7 +139,7 @@ def _figures(figures, domain):
     return table
 
 
-@device.command("set-up")
+@device.command("set-up", short_help="Describe a device by moving its handle.")
 def set_up(
     name: Annotated[str, typer.Argument(help=_BEGIN, autocompletion=shipped("devices"))],
     out: Annotated[Path, typer.Option(help="Device description to write.")] = Path("device.yaml"),
@@ -158,7 +156,7 @@ def set_up(
     from haptic_display.device_tools import set_up as device_set_up
     from haptic_display.device_tools.questions import Answers, Terminal
 
-    with _refused("set-up"):
+    with refused("device set-up"):
         if answers is None and not (sys.stdin.isatty() and sys.stdout.isatty()):
             raise ValueError(
                 "it asks for what only a hand at the device can tell: run it in a terminal, or give --answers"
@@ -211,7 +209,7 @@ def test(
     """Try every promise that a device owes the servo. Exit code 1: one is not kept, 2: nothing could be tried."""
     from haptic_display.device_tools import conformance, device_page
 
-    with _refused("test"), device_page.opened(name, domain, namespace) as page:
+    with refused("device test"), device_page.opened(name, domain, namespace) as page:
         typer.echo(f"the motor of x is given {motor:g} motor units for some seconds: leave the handle", err=True)
         results = conformance.check_all(page, lambda told: typer.echo(f"trying: {told}", err=True), motor)
     if as_json:
@@ -233,18 +231,3 @@ def _results(results):
         verdict = Text("kept", "green") if result.passed else Text("NOT kept", "bold red")
         table.add_row(Text(result.name), verdict, Text(result.figure or result.sentence))
     return table
-
-
-@contextlib.contextmanager
-def _refused(command):
-    """What cannot be done is said in one sentence, exit code 2; interrupted: 130."""
-    from haptic_display.run.processes import NodeDiedError, interruptible
-
-    try:
-        with interruptible():
-            yield
-    except (ValueError, OSError, NodeDiedError) as error:
-        typer.echo(f"haptic device {command}: {in_words(error)}", err=True)
-        raise typer.Exit(2) from None
-    except KeyboardInterrupt:
-        raise typer.Exit(INTERRUPTED) from None

@@ -8,11 +8,9 @@ from typing import Annotated
 import typer
 
 from haptic_device.digits import with_error
-from haptic_device.os_errors import in_words
 from haptic_display.cli.completion import shipped
 from haptic_display.cli.numbers import number, whole
-from haptic_display.cli.progress import INTERRUPTED
-from haptic_display.cli.words import console, next_step, shown_path
+from haptic_display.cli.words import console, next_step, refused, shown_path
 
 _DEVICE = "Device description that the driver has, the beginning of the search (a name in config/devices or a file)."
 _TORQUE = "Largest torque of the shaking about theta (N m) [a twentieth of its motor's]."
@@ -40,19 +38,11 @@ def identify(
 ):
     """Mass, damping, friction, encoder step and delay of the connected device, with 95 % confidence."""
     from haptic_display.device_tools.identification import identify_device, write_description
-    from haptic_display.run.processes import NodeDiedError, interruptible
 
-    try:
+    with refused("identify", "the gains are as they were"):
         _refuse_folder(out)
-        with interruptible():
-            found, described = identify_device(device, loopback, seconds, force, torque, rate, domain, namespace)
+        found, described = identify_device(device, loopback, seconds, force, torque, rate, domain, namespace)
         write_description(out, described, found)
-    except (ValueError, OSError, NodeDiedError) as error:
-        typer.echo(f"haptic identify: {in_words(error)}", err=True)
-        raise typer.Exit(2) from None
-    except KeyboardInterrupt:
-        typer.echo("haptic identify: interrupted; the gains are as they were", err=True)
-        raise typer.Exit(INTERRUPTED) from None
     report = {"device": described.name, "file": str(out), "axes": found}
     if as_json:
         typer.echo(json.dumps(report))

@@ -12,28 +12,30 @@ from haptic_device.process import handling, say
 from haptic_display.cli.completion import COMPLETING, completed_words
 from haptic_display.cli.progress import INTERRUPTED
 
-COMMANDS = {  # name: (module and function, what it does)
-    "check": ("haptic_display.cli.check:check", "Say whether configuration files are right."),
-    "compare": ("haptic_display.cli.compare:compare", "Play one recorded motion at several operating points."),
-    "compile": ("haptic_display.cli.compile:compile", "Compile the kernels for this machine."),
+COMMANDS = {  # name: (module and function, what it does), by the job
     "demo": ("haptic_display.cli.demo:demo", "Run a whole display on a scene."),
-    "device": ("haptic_display.cli.device:device", "Find, show, describe and test a device of your own."),
-    "docs": ("haptic_display.cli.docs:docs", "Print the table of all parameters, or of all faults."),
-    "doctor": ("haptic_display.cli.doctor:doctor", "Say which servo rate this machine can hold."),
-    "get": ("haptic_display.cli.parameters:get", "Print the parameters of a running node."),
-    "identify": ("haptic_display.cli.identify:identify", "Measure mass, damping and friction of a device."),
-    "mark": ("haptic_display.cli.mark:mark", "Put a marker into the recording that runs."),
-    "passivity": ("haptic_display.cli.passivity:passivity", "Compute whether gains are passive and stable."),
-    "record": ("haptic_display.cli.record:record", "Record a running display."),
-    "replay": ("haptic_display.cli.replay:replay", "Play a recorded motion again."),
-    "report": ("haptic_display.cli.report:report", "Write a page about recordings."),
-    "save": ("haptic_display.cli.parameters:save", "Write the parameters of a running display to a file."),
-    "scenes": ("haptic_display.cli.scenes:scenes", "List, draw, explain and measure scenes."),
-    "set": ("haptic_display.cli.parameters:set_value", "Set a parameter of a running node."),
-    "status": ("haptic_display.cli.status:status", "Show a running display, with keys that stop it."),
     "view": ("haptic_display.cli.view:view", "Show a running display on a web page."),
+    "status": ("haptic_display.cli.status:status", "Show a running display, with keys that stop it."),
+    "scenes": ("haptic_display.cli.scenes:scenes", "List, draw and explain scenes."),
+    "get": ("haptic_display.cli.parameters:get", "Print the parameters of a running node."),
+    "set": ("haptic_display.cli.parameters:set_value", "Set a parameter of a running node."),
+    "save": ("haptic_display.cli.parameters:save", "Write the parameters of a running display to a file."),
+    "passivity": ("haptic_display.cli.passivity:passivity", "Compute whether gains are passive and stable."),
     "zwidth": ("haptic_display.cli.zwidth:zwidth", "Find the stiffest walls that a device can show."),
+    "docs": ("haptic_display.cli.docs:docs", "Print the table of all parameters, or of all faults."),
+    "record": ("haptic_display.cli.record:record", "Record a running display."),
+    "mark": ("haptic_display.cli.mark:mark", "Put a marker into the recording that runs."),
+    "report": ("haptic_display.cli.report:report", "Write a page about recordings."),
+    "replay": ("haptic_display.cli.replay:replay", "Play a recorded motion again."),
+    "compare": ("haptic_display.cli.compare:compare", "Play one recorded motion at several operating points."),
+    "device": ("haptic_display.cli.device:device", "Find, show, describe and test a device of your own."),
+    "identify": ("haptic_display.cli.identify:identify", "Measure mass, damping and friction of a device."),
+    "check": ("haptic_display.cli.check:check", "Say whether files are right; measure scenes."),
+    "doctor": ("haptic_display.cli.doctor:doctor", "Say which servo rate this machine can hold."),
+    "compile": ("haptic_display.cli.compile:compile", "Compile the kernels for this machine."),
 }
+PANELS = {"demo": "See and feel", "get": "Tune", "record": "Record and analyse", "device": "Devices", "check": "Check"}
+"""The first command of each job, and the job."""
 FIRST = "Begin with: haptic demo --view"
 STARTING = ("demo", "record", "view")  # nodes, or a page, before ROS is loaded
 BENCH = "measurements are no part of what is installed; python -m bench, in a clone of the sources, lists and runs them"
@@ -72,9 +74,10 @@ def _application(wanted: str):
     """The typer application with the wanted command, or with the names of all if it is none of them, as for --help."""
     import typer  # here, where a signal is heard
 
-    from haptic_display.cli.root import options
+    from haptic_display.cli.root import Panels, options
 
     app = typer.Typer(
+        cls=Panels,
         no_args_is_help=True,
         add_completion=wanted not in COMMANDS or COMPLETING in os.environ,  # its import takes time
         pretty_exceptions_enable=False,
@@ -83,8 +86,10 @@ def _application(wanted: str):
     )
     app.callback(help="Feel a simulated tool through a haptic handle.", epilog=FIRST)(options)
     if wanted not in COMMANDS:
+        panel = ""
         for name, (_, what) in COMMANDS.items():
-            app.command(name, short_help=what)(lambda: None)
+            panel = PANELS.get(name, panel)
+            app.command(name, short_help=what, rich_help_panel=panel)(lambda: None)
         return app
     module, function = COMMANDS[wanted][0].split(":")
     command = getattr(importlib.import_module(module), function)

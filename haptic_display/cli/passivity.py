@@ -10,10 +10,9 @@ import typer
 from rich.table import Table
 
 from haptic_device.digits import apart, plain
-from haptic_device.os_errors import in_words
 from haptic_device.theory.assessment import Display, advise, assess
 from haptic_display.cli.numbers import number
-from haptic_display.cli.words import console, next_step, print_sentence
+from haptic_display.cli.words import console, next_step, print_sentence, refused
 
 
 def passivity(
@@ -48,13 +47,10 @@ def passivity(
     display = Display(
         stiffness, damping, physical_damping, period, mass, delay_samples, velocity_lag, resolution, coulomb
     )
-    try:
+    with refused("passivity"):
         assessment = assess(display)
         if plot is not None:
             _save(display, assessment, plot)
-    except (ValueError, OSError) as error:
-        typer.echo(f"haptic passivity: {in_words(error)}", err=True)
-        raise typer.Exit(2) from None
     if as_json:
         typer.echo(json.dumps(_report(display, assessment)))
     else:

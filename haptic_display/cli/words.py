@@ -1,13 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How commands write tables, paths and the line on what to do next."""
+"""How commands write tables, refusals, paths and the line on what to do next."""
 
+import contextlib
 import os
 import shlex
 import sys
 import textwrap
+from collections.abc import Iterator
 from pathlib import Path
 
+import typer
+
+from haptic_device.os_errors import in_words
 from haptic_device.process import say
+from haptic_display.cli.progress import INTERRUPTED
 
 PIPED = 120  # columns of a table that goes to a file, where COLUMNS does not say
 
@@ -29,6 +35,23 @@ def print_sentence(text: str, indent: int = 0) -> None:
 
 def _width_is_known() -> bool:
     return sys.stdout.isatty() or "COLUMNS" in os.environ
+
+
+@contextlib.contextmanager
+def refused(command: str, kept: str = "") -> Iterator[None]:
+    """What cannot be done is said in one sentence, exit code 2; interrupted: 130, and what is kept is said."""
+    from haptic_display.run.processes import NodeDiedError, interruptible
+
+    try:
+        with interruptible():
+            yield
+    except (ValueError, OSError, NodeDiedError) as error:
+        say(f"haptic {command}: {in_words(error)}")
+        raise typer.Exit(2) from None
+    except KeyboardInterrupt:
+        if kept:
+            say(f"haptic {command}: interrupted; {kept}")
+        raise typer.Exit(INTERRUPTED) from None
 
 
 def next_step(text: str) -> None:

@@ -10,12 +10,10 @@ import numpy as np
 import typer
 
 from haptic_device.digits import amount, plain
-from haptic_device.os_errors import in_words
 from haptic_display.cli.completion import shipped
 from haptic_display.cli.numbers import number, whole
-from haptic_display.cli.progress import INTERRUPTED, SCHEDULER, progress
-from haptic_display.cli.words import console, next_step, print_sentence, shown_path
-from haptic_display.run.processes import NodeDiedError, interruptible
+from haptic_display.cli.progress import SCHEDULER, progress
+from haptic_display.cli.words import console, next_step, print_sentence, refused, shown_path
 
 _DEVICE = "Take m, b, friction, encoder step and delays from this device's x axis (a name in config/devices or a file)."
 
@@ -70,7 +68,7 @@ def zwidth(
     """Z-width of a device: the K-B plane of walls it can show (Colgate & Brown 1994), in lock-step simulation."""
     given = {"mass": mass, "physical_damping": physical_damping, "delay_samples": delay_samples, "coulomb": coulomb}
     given = {name: value for name, value in {**given, "resolution": resolution}.items() if value is not None}
-    try:
+    with refused("zwidth", "the gains are as they were" if live else f"rows that were done are in {out / 'map.csv'}"):
         _refuse_options_of_the_other_mode(context, live)
         if live:
             found = _measure(device or "desktop", period, damping, stiffness_max, domain, namespace)
@@ -78,19 +76,11 @@ def zwidth(
             given |= {"period": period, "velocity_lag": velocity_lag, "seconds": seconds}
             cells = operator, stiffness_max, damping_max, points
             found = _draw(device, given, cells, lateness, out, workers or len(os.sched_getaffinity(0)), scheduler)
-    except (ValueError, OSError, NodeDiedError) as error:
-        typer.echo(f"haptic zwidth: {in_words(error)}", err=True)
-        raise typer.Exit(2) from None
-    except KeyboardInterrupt:
-        kept = "the gains are as they were" if live else f"rows that were done are in {out / 'map.csv'}"
-        typer.echo(f"haptic zwidth: interrupted; {kept}", err=True)
-        raise typer.Exit(INTERRUPTED) from None
-    show = _show_live if live else _show
     if as_json:
         typer.echo(json.dumps(found))
-        return
-    show(found)
-    next_step(_next(found, live))
+    else:
+        (_show_live if live else _show)(found)
+        next_step(_next(found, live))
 
 
 def _refuse_options_of_the_other_mode(context: typer.Context, live: bool):
@@ -117,7 +107,7 @@ def _draw(device, given, cells, lateness, out, workers, scheduler):
     base = {"mass": 0.1, "physical_damping": 0.5} if device is None else device_figures(device, given["period"])
     request = request_of(Setup(**base | given), *cells)
     rows = request.damping.size
-    with interruptible(), progress(rows) as show:
+    with progress(rows) as show:
         return write_map(request, lateness, out, workers, scheduler, lambda done: show(done, "rows of the map"))
 
 
@@ -127,7 +117,7 @@ def _measure(name, period, damping, stiffness_max, domain, namespace):
     from haptic_display.device_tools.zwidth import measure, plan
 
     wanted = plan(name, period, damping, stiffness_max)
-    with interruptible(), Console(stderr=True).status("starting") as status:
+    with Console(stderr=True).status("starting") as status:
         return measure(wanted, domain, namespace, status.update)
 
 

@@ -119,7 +119,7 @@ def unkept_wish(scene: Scene, model: Model, names: Sequence[str], load: Load, me
     if method not in ("impulse", "partitioned"):
         return ""
     if method == "impulse" and (asked := _beyond_impulse(scene, model, names, load)):
-        return f"{asked}; haptic scenes --verify measures the relative error"
+        return f"{asked}; haptic check --verify measures the relative error"
     step, (frequency, what) = sub_step, max(_modes(model))
     if method == "impulse":
         step = min(sub_step, step_inside(model, load, scene.error))
@@ -128,7 +128,7 @@ def unkept_wish(scene: Scene, model: Model, names: Sequence[str], load: Load, me
         return ""
     return (
         f"error {scene.error:g} is wanted, and {method} in steps of {step * 1e3:.4g} ms may have a relative error of "
-        f"{expected:.2g}: of {what} at {frequency:.4g} rad/s; haptic scenes --verify measures it"
+        f"{expected:.2g}: of {what} at {frequency:.4g} rad/s; haptic check --verify measures it"
     )
 
 

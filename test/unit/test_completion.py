@@ -43,6 +43,8 @@ def test_names_and_options_are_offered(completed):
         ("demo --exchange ", set(EXCHANGE_METHODS)),
         ("demo --sce", {"--scene"}),
         ("scenes --explain wal", {"wall"}),
+        ("check wal", set()),
+        ("check --verify wal", {"wall"}),
         ("zwidth --device desk", {"desktop"}),
         ("device test desk", {"desktop"}),
         ("compare bag demo mo", {name for name in names("") if name.startswith("mo")}),

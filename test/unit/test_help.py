@@ -3,6 +3,7 @@
 
 import importlib
 import inspect
+import re
 import subprocess
 import sys
 import typing
@@ -12,7 +13,7 @@ from pathlib import Path
 import typer
 from in_process import haptic
 
-from haptic_display.cli.main import COMMANDS
+from haptic_display.cli.main import COMMANDS, PANELS
 
 PAGE = (Path(__file__).parents[2] / "docs/reference/cli.md").read_text(encoding="utf-8")
 
@@ -66,6 +67,17 @@ def test_help_of_haptic_lists_each_command_with_a_whole_sentence_and_imports_non
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout.splitlines()[-1] == "[]", done
+
+
+def test_help_of_haptic_lists_the_commands_by_their_job():
+    listed = [line.split()[0] for line in haptic("-h").stdout.splitlines() if line.startswith("  ")]
+    assert [name for name in listed if name in COMMANDS] == [*COMMANDS]
+    shown, names = haptic("-h").stdout, [*COMMANDS]
+    for first, panel in PANELS.items():
+        assert f"\n{panel}:\n  {first} " in shown
+    jobs = re.findall(r"^\| ([a-z ]+) \| (\[`.*) \|$", PAGE, re.MULTILINE)
+    assert [job.capitalize() for job, _ in jobs] == [*PANELS.values()]
+    assert [name for _, told in jobs for name in re.findall(r"`(\w+)`", told)] == names
 
 
 def test_version_is_that_of_the_package():

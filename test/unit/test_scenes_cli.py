@@ -190,7 +190,7 @@ def test_a_scene_that_is_not_shipped_as_it_stands_is_not_measured_and_says_how_t
         own = tmp_path / "own.yaml"
         own.write_text(content.replace("name: corner", "name: wall"))
         last = haptic("scenes", "--explain", own).stdout.splitlines()[-1]
-        assert (f"not measured; haptic scenes --verify {own} measures them" in last) != known
+        assert (f"not measured; haptic check --verify {own} measures them" in last) != known
 
 
 def test_a_scene_of_ones_own_is_verified_and_its_rows_are_kept_beside_those_of_others(tmp_path, monkeypatch):
@@ -200,7 +200,7 @@ def test_a_scene_of_ones_own_is_verified_and_its_rows_are_kept_beside_those_of_o
     monkeypatch.setattr(verify, "FINE", {"partitioned": (8000, 4000)})
     old = Measured("own", "impulse", 250.0, 0.0, 0.0, 0.0, 0.0, 100.0, "stable")
     write([old, *(row for row in read(KEPT) if row.scene == "thin_plate")], kept)
-    done = haptic("scenes", "--verify", own, "--out", kept)
+    done = haptic("check", "--verify", own, "--out", kept)
     assert done.returncode == 0, done.stdout
     assert [(row.scene, row.method) for row in read(kept)] == [
         *(("own", method) for method in ("impulse", "partitioned", "penalty_implicit")),
@@ -218,7 +218,7 @@ def test_a_method_that_is_chosen_and_beyond_its_bounds_is_told_by_the_exit_code(
     own = tmp_path / "own.yaml"
     text = find("scenes", "heavy_on_light_1e6").read_text()
     own.write_text(text.replace("name: heavy_on_light_1e6", "name: own\nmethod: impulse").replace("2.0\n", "0.2\n"))
-    done = haptic("scenes", "--verify", own)
+    done = haptic("check", own, "--verify")
     assert done.returncode == 1
     assert "**beyond**" in done.stdout
 
@@ -233,7 +233,7 @@ def test_what_a_motor_or_a_belt_gives_is_no_energy_from_nowhere(tmp_path):
         "tool: {mass: 0.1, pose: [0.0, 0.2, 0.0], shapes: [{circle: {radius: 0.01}}]}\n"
         "motion: {name: press_wall, start: [0.0, 0.2, 0.0], target: [0.01, 0.2, 0.0], duration: 0.3}\n"
     )
-    done = haptic("scenes", "--verify", own)
+    done = haptic("check", own, "--verify")
     assert done.returncode == 0, done.stdout
     chosen = next(line for line in done.stdout.splitlines() if line.startswith("| own | impulse"))
     assert "| of drives too |" in chosen and chosen.endswith("| kept |")
