@@ -104,8 +104,8 @@ class SceneController:
         try:
             start = needs_of(name).start if name else commands.state.scene.solids[0].pose
             commands.aim(dict(zip(AXES[: commands.state.axes], map(float, start), strict=False)))
-        except (ValueError, AttributeError):
-            return  # no hand that follows, or no scene
+        except (ValueError, TypeError, AttributeError):
+            return  # no hand that follows, or no scene, or one that the simulation refuses
         await until(lambda: commands.arrived, ARRIVAL)
         await asyncio.sleep(REST)
 
