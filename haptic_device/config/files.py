@@ -4,7 +4,7 @@
 import difflib
 import os
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 INSTALLED = Path("share/haptic_display/config")
@@ -34,7 +34,7 @@ class ConfigError(ValueError):
         self.found = tuple(found) or (sentence,)
 
 
-def find(folder: str, name) -> Path:
+def find(folder: str, name: str | Path) -> Path:
     """The file `name` if it exists, else config/<folder>/<name>.yaml; the folder "" is config/ itself.
 
     Raises FileNotFoundError with one sentence that suggests similar names.
@@ -55,7 +55,7 @@ def find(folder: str, name) -> Path:
     raise FileNotFoundError(f"{name} is neither a file nor {_no_name(folder, name)}")
 
 
-def find_beside(file: Path, folder: str, name: str) -> str:
+def find_beside(file: str | Path, folder: str, name: str) -> str:
     """What a YAML file means by `name`: a name in config/<folder>, as it stands, or else a path from the file's folder.
 
     The path comes back absolute. Raises FileNotFoundError if it is neither, ValueError if it is both; one sentence.
@@ -88,11 +88,11 @@ def nearest(word: str, known: Iterable[str]) -> str:
     return next(iter(difflib.get_close_matches(word, list(known), 1)), "")
 
 
-def _shipped(folder, name):
+def _shipped(folder: str, name: str | Path) -> Path | None:
     return next((path for root in _roots() if (path := root / folder / f"{name}.yaml").is_file()), None)
 
 
-def _no_name(folder, name):
+def _no_name(folder: str, name: str | Path) -> str:
     """The known names, of many the nearest six; with the one that is likely meant."""
     word, known = Path(name).stem, names(folder)
     shown = known if len(known) <= SHOWN else difflib.get_close_matches(word, known, SHOWN, 0.0)
@@ -101,7 +101,7 @@ def _no_name(folder, name):
     return f"a name in {Path('config', folder)}, which has {listed or 'no file at all'}{asked}"
 
 
-def _roots():
+def _roots() -> Iterator[Path]:
     source = Path(__file__).resolve().parents[2]
     # The package description marks a source tree; in site-packages a folder named config may be anybody's.
     if (source / "package.xml").is_file():

@@ -2,17 +2,23 @@
 """Parameter files of ROS 2: what they give each node, and one sentence for each thing that is wrong in them."""
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
 
 from haptic_device.config import yaml_reader
 from haptic_device.config.files import find_beside
 from haptic_device.config.parameter_sections import SECTION, given_to, outside, sections
 from haptic_device.config.parameter_types import ROS_OWN, Parameter, check_value, shown, unknown
 
+Document = dict[str, Any]
+Nodes = Mapping[str, tuple[Parameter, ...]]
+Values = dict[str, dict[str, Any]]
+
 PLACES = {"device": "devices", "scene": "scenes"}
 """Parameters that name a file that is read, and the folder of config/ whose names they may take."""
 
 
-def read_operating_point(path, nodes: Mapping[str, tuple[Parameter, ...]], namespace: str = "/haptic"):
+def read_operating_point(path: str | Path, nodes: Nodes, namespace: str = "/haptic") -> Values:
     """Reads a ROS 2 parameter file: values for each node in a namespace, {node: {name: value}}.
 
     The result has only values that are in the file. Later sections win, as in ROS 2. File names (PLACES) are relative
@@ -38,9 +44,10 @@ def read_operating_point(path, nodes: Mapping[str, tuple[Parameter, ...]], names
     return values
 
 
-def right_values(document: dict, nodes: Mapping[str, tuple[Parameter, ...]], namespace: str = "/haptic"):
+def right_values(document: Document, nodes: Nodes, namespace: str = "/haptic") -> tuple[Values, dict[str, set[str]]]:
     """Of each node the values that are right, {node: {name: value}}, and the names of those that are not."""
-    values, wrong = {node: {} for node in nodes}, {node: set() for node in nodes}
+    values: Values = {node: {} for node in nodes}
+    wrong: dict[str, set[str]] = {node: set() for node in nodes}
     found = sections(document)
     for node, declared in nodes.items():
         given = given_to(f"{namespace.rstrip('/')}/{node}", found)
@@ -53,7 +60,7 @@ def right_values(document: dict, nodes: Mapping[str, tuple[Parameter, ...]], nam
     return values, wrong
 
 
-def file_problems(values: dict[str, dict], path) -> Iterator[str]:
+def file_problems(values: Values, path: str | Path) -> Iterator[str]:
     """One sentence for each file named in these values that is not there; the others are made absolute in place."""
     for node, given in values.items():
         for name, folder in PLACES.items():
@@ -64,7 +71,7 @@ def file_problems(values: dict[str, dict], path) -> Iterator[str]:
                     yield f"{node}: {name} {error}"
 
 
-def operating_point_problems(document: dict, nodes: Mapping[str, tuple[Parameter, ...]]) -> Iterator[str]:
+def operating_point_problems(document: Document, nodes: Nodes) -> Iterator[str]:
     """One sentence for each thing that is wrong in a parameter file, already loaded; nothing when all is well."""
     yield from _strays(document)
     for key, given in sections(document):
@@ -77,7 +84,7 @@ def operating_point_problems(document: dict, nodes: Mapping[str, tuple[Parameter
             yield from (f"{key}: {sentence}" for sentence in entry_problems(name, value, owners))
 
 
-def _strays(document):
+def _strays(document: Document) -> Iterator[str]:
     """Sentences for what stands outside every ros__parameters, where ROS 2 would not look or not start."""
     for path, name, content in outside(document):
         key = f"{path}/{name}" if path else name
@@ -89,7 +96,7 @@ def _strays(document):
             yield f"{key} holds {shown(content)}; a node name with {SECTION} below it belongs there"
 
 
-def _owners(key, nodes):
+def _owners(key: str, nodes: Nodes) -> Nodes:
     """The nodes that a section may reach in some namespace: {node: parameters}."""
     last = key.rsplit("/", 1)[-1]
     if last in ("*", "**"):
@@ -101,7 +108,7 @@ def _owners(key, nodes):
     return {last: nodes[last]}
 
 
-def entry_problems(name, value, owners):
+def entry_problems(name: str, value: Any, owners: Nodes) -> Iterator[str]:
     """One sentence for each thing that is wrong with a value for these nodes, {node: parameters}."""
     if ROS_OWN.fullmatch(name):
         return

@@ -62,13 +62,15 @@ class Watched(NamedTuple):
     error: float
 
 
-def fixed(default, unit: str, meaning: str, low=-math.inf, high=math.inf, **more) -> Any:
+def fixed(default: Any, unit: str, meaning: str, low: float = -math.inf, high: float = math.inf, **more: Any) -> Any:
     """Field of a parameter that is fixed once the node runs; the rest as in Parameter."""
     told = {"unit": unit, "meaning": meaning, "low": low, "high": high, **more}
     return Field(default, json_schema_extra=told)
 
 
-def live(default, unit: str, meaning: str, low=-math.inf, high=math.inf, felt=None) -> Any:
+def live(
+    default: Any, unit: str, meaning: str, low: float = -math.inf, high: float = math.inf, felt: float | None = None
+) -> Any:
     """Field of a parameter that may change while the node runs; felt is high where it is not given."""
     felt = high if felt is None and high < math.inf else felt
     return fixed(default, unit, meaning, low, high, live=True, felt=felt)
@@ -76,14 +78,15 @@ def live(default, unit: str, meaning: str, low=-math.inf, high=math.inf, felt=No
 
 def parameters_of(model: type[Group], prefix: str = "") -> tuple[Parameter, ...]:
     """The parameters that a model declares, in its order; those of a group are called group.field."""
-    found = []
+    found: list[Parameter] = []
     for name, field in model.model_fields.items():
         kind, name = field.annotation, prefix + name
         if isinstance(kind, type) and issubclass(kind, Group):
             found += parameters_of(kind, f"{name}.")
         else:
             choices = get_args(kind) if get_origin(kind) is Literal else ()
-            found.append(Parameter(name, field.default, choices=choices, **field.json_schema_extra))
+            told: Any = field.json_schema_extra
+            found.append(Parameter(name, field.default, choices=choices, **told))
     return tuple(found)
 
 
@@ -111,7 +114,7 @@ def defaults(parameters: Iterable[Parameter]) -> dict[str, Any]:
     return {parameter.name: parameter.default for parameter in parameters}
 
 
-def check_value(parameter: Parameter, value):
+def check_value(parameter: Parameter, value: Any) -> Any:
     """Checks a value and returns it; a list is returned as a tuple.
 
     Raises ValueError with one sentence if the type, the range or the choice is wrong, or a number is not finite.
@@ -145,27 +148,27 @@ def unknown(name: str, owner: str, known: Iterable[str]) -> str:
     return f"{name} is not {owner}" + (f"; did you mean {near}?" if near else "")
 
 
-def shown(value) -> str:
+def shown(value: Any) -> str:
     """A value as a parameter file has it."""
     return {True: "true", False: "false"}[value] if isinstance(value, bool) else repr(value)
 
 
-def _limit_meaning(each, level):
+def _limit_meaning(each: Watched, level: str) -> str:
     return f"{level.upper()} {'above' if each.error >= each.warn else 'below'} this: {each.meaning}"
 
 
-def _check_scalar(parameter, name, kind, value):
+def _check_scalar(parameter: Parameter, name: str, kind: type, value: Any) -> Any:
     if type(value) is not kind:
         written = KINDS.get(type(value), type(value).__name__)
         raise ValueError(f"{name} is {shown(value)} ({written}); {_remedy(parameter, kind, value)}")
-    if kind in (int, float):
+    if isinstance(value, int | float) and kind is not bool:
         _check_number(parameter, name, value)
     if kind is str and parameter.choices and value not in parameter.choices:
         raise ValueError(f"{name} is {value!r}; it must be one of {', '.join(parameter.choices)}")
     return value
 
 
-def _check_number(parameter, name, value):
+def _check_number(parameter: Parameter, name: str, value: float) -> None:
     if not math.isfinite(value):
         raise ValueError(f"{name} is {value}; a finite number{_in(parameter)} is needed")
     given = f"{name} is {_amount(parameter, value)}"
@@ -175,7 +178,7 @@ def _check_number(parameter, name, value):
         raise ValueError(f"{given}; at most {_amount(parameter, parameter.high)} is allowed")
 
 
-def _remedy(parameter, kind, value):
+def _remedy(parameter: Parameter, kind: type, value: Any) -> str:
     """What to write instead of a value of the wrong type."""
     if kind is float and type(value) is int:
         return f"write {_amount(parameter, float(value))}"
@@ -189,9 +192,9 @@ def _remedy(parameter, kind, value):
     return f"{wanted[kind]}{_in(parameter)} is needed"
 
 
-def _amount(parameter, value):
+def _amount(parameter: Parameter, value: float) -> str:
     return f"{shown(value)} {parameter.unit}".rstrip()
 
 
-def _in(parameter):
+def _in(parameter: Parameter) -> str:
     return f" in {parameter.unit}" if parameter.unit else ""

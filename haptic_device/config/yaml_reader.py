@@ -10,6 +10,7 @@ and `n` are booleans. Needs no library but PyYAML: the launch file has no other.
 import math
 import re
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -34,7 +35,7 @@ DEEPEST = 100  # mappings and lists within each other
 NO_ALIAS = "ROS 2 parameter files have no aliases (*name)"
 
 
-def load(path, ros: bool = False) -> dict:
+def load(path: str | Path, ros: bool = False) -> dict[str, Any]:
     """The mapping in the YAML file at path, as nested dict, list, bool, int, float, str and None.
 
     ros: read it as ROS 2 reads a parameter file: no aliases, `y` is true, nothing is None. Raises ConfigError, one
@@ -48,7 +49,7 @@ def load(path, ros: bool = False) -> dict:
         raise ConfigError(f"{path}: {error}", [str(error)]) from None
 
 
-def loads(text: str | bytes, ros: bool = False) -> dict:
+def loads(text: str | bytes, ros: bool = False) -> dict[str, Any]:
     """As load, from text or bytes in UTF-8. Raises ValueError, one sentence without a file's name."""
     try:
         text = text.decode("utf-8") if isinstance(text, bytes) else text
@@ -61,14 +62,14 @@ def loads(text: str | bytes, ros: bool = False) -> dict:
         raise ValueError(f"aliases nest values too deep; the limit is {DEEPEST}") from None
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
-        if "\t" in _indentation(text, line):
+        if "\t" in _indentation(str(text), line):
             raise ValueError(f"line {line} begins with a tab; use spaces") from None
         raise ValueError(f"line {line} is not YAML: {error.problem}") from None
     except (yaml.YAMLError, UnicodeError) as error:
         raise ValueError(f"this is not a YAML text: {' '.join(str(error).split())}") from None
 
 
-def dump(content, flow: bool = False) -> str:
+def dump(content: Any, flow: bool = False) -> str:
     """YAML text that `loads`, ROS 2 and any YAML reader read as the content again, in its order, without aliases.
 
     flow: what is innermost in braces and brackets.
@@ -80,29 +81,30 @@ def dump(content, flow: bool = False) -> str:
 class _Dumper(yaml.SafeDumper):
     """Puts a text into quotes that would be read as a number or a boolean."""
 
-    def ignore_aliases(self, data):
+    def ignore_aliases(self, data: Any) -> bool:
         return True
 
-    def resolve(self, kind, value, implicit):
+    def resolve(self, kind: type[yaml.Node], value: str, implicit: tuple[bool, bool]) -> str:
         tag = super().resolve(kind, value, implicit)
         if kind is yaml.ScalarNode and implicit[0] and tag == self.DEFAULT_SCALAR_TAG:
             return tag if isinstance(_scalar(value, True), str) else "tag:yaml.org,2002:float"
         return tag
 
 
-class _Loader(PARSER):
+class _Loader(PARSER):  # type: ignore[valid-type,misc]  # one of two, as PyYAML was built
     """PyYAML's, but for plain values, which are ROS 2's, and names, which are texts; tags are not followed."""
 
-    def __init__(self, text, ros):
+    def __init__(self, text: str, ros: bool):
         super().__init__(text)
-        self._ros, self._made, self._looked_at = ros, 0, set()
+        self._ros, self._made = ros, 0
+        self._looked_at: set[yaml.Node] = set()
 
-    def resolve(self, kind, value, implicit):
+    def resolve(self, kind: type[yaml.Node], value: str, implicit: tuple[bool, bool]) -> str:
         if kind is not yaml.ScalarNode or not implicit[0]:
             return super().resolve(kind, value, implicit)
         return MERGE_TAG if value == MERGE and not self._ros else PLAIN
 
-    def construct_object(self, node, deep=False):
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         self._made += 1
         if self._made > MOST:
             raise ValueError(f"the file holds more than {MOST} values, its aliases followed")
@@ -113,7 +115,7 @@ class _Loader(PARSER):
             return [self.construct_object(item) for item in node.value]
         return _scalar(node.value, self._ros) if node.tag == PLAIN else node.value
 
-    def flatten_mapping(self, node):
+    def flatten_mapping(self, node: yaml.MappingNode) -> None:
         """Refuses a name that stands twice, and then brings in what merge keys name; once, however often it is used."""
         names = set()
         for key, _ in node.value if node not in self._looked_at else ():
@@ -130,13 +132,13 @@ class _Loader(PARSER):
         node.value = list({key.value: (key, content) for key, content in node.value}.values())  # else merges multiply
 
 
-def _indentation(text, line):
+def _indentation(text: str, line: int) -> str:
     """What the line begins with before its first character that is seen."""
     words = "".join(text.splitlines()[line - 1 : line])
     return words[: len(words) - len(words.lstrip())]
 
 
-def _look_through(text, ros):
+def _look_through(text: str, ros: bool) -> None:
     """Refuses what must not come before a composer: it composes nests by recursion, in C, and follows aliases."""
     opened = []
     for event in yaml.parse(text, Loader=PARSER):
@@ -153,7 +155,7 @@ def _look_through(text, ros):
             raise ValueError(f"line {line} is nested {len(opened)} deep; the limit is {DEEPEST}")
 
 
-def _scalar(text, ros):
+def _scalar(text: str, ros: bool) -> Any:
     booleans = ROS_BOOLEANS if ros else BOOLEANS
     if text in booleans:
         return booleans[text]
@@ -164,7 +166,7 @@ def _scalar(text, ros):
     return _decimal(text) if DECIMAL.fullmatch(text) else text
 
 
-def _decimal(text):
+def _decimal(text: str) -> float | str:
     """C's strtod; a number beyond the range of a double stays text, as in ROS 2."""
     word = text.lower()
     number = float(word.replace(".inf", "inf").replace(".nan", "nan"))

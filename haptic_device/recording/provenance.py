@@ -7,6 +7,7 @@ import subprocess
 import sys
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 import psutil
 
@@ -28,7 +29,7 @@ PACKAGES = (
 _GIT_PATIENCE = 2.0  # s
 
 
-def facts() -> dict:
+def facts() -> dict[str, Any]:
     """Versions of program and libraries, and the machine; a fact that cannot be had is None."""
     memory = psutil.virtual_memory()
     return {

@@ -4,7 +4,7 @@
 import math
 import sys
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 LEVELS = ("OK", "WARN", "ERROR", "STALE")
 
@@ -33,7 +33,7 @@ class Status(NamedTuple):
     hardware: str = ""
 
 
-def named_statuses(message, time: int) -> list[tuple[str, Status]]:
+def named_statuses(message: Any, time: int) -> list[tuple[str, Status]]:
     """(name, status) of each entry of a DiagnosticArray of rclpy or rosbags, received at time [ns, system clock].
 
     A level beyond LEVELS is taken for STALE.
@@ -47,7 +47,7 @@ def of_namespace(statuses: Iterable[Status], namespace: str) -> bool:
     return all(one.values.get("namespace", own).rstrip("/") == own for one in statuses)
 
 
-def _status(said, time):
+def _status(said: Any, time: int) -> Status:
     values = {sys.intern(pair.key): pair.value for pair in said.values}  # the same few in thousands of messages
     level = said.level[0] if isinstance(said.level, bytes) else int(said.level)
     return Status(time, min(level, len(LEVELS) - 1), said.message, values, said.hardware_id)

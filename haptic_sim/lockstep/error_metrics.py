@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_sim.lockstep.rollout import EXCHANGE_NS, hand, overlap_watch, rollout, way
+from haptic_sim.lockstep.rollout import EXCHANGE_NS, LedWorld, hand, overlap_watch, rollout, way
 from haptic_sim.method_registry import make
-from haptic_sim.protocol import Coupling
+from haptic_sim.protocol import Coupling, Planar
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene.language import Scene
 from haptic_sim.scene.shapes import TOOL
@@ -34,7 +34,7 @@ class Case(NamedTuple):
     """Whether the hand moves."""
     look: int
     """ns between the looks."""
-    lead: Callable | None = None
+    lead: Callable[[float], Planar] | None = None
     """time [s] → (x, y, theta) of a hand at rest wherever it is, instead of the scene's motion."""
 
     @property
@@ -82,7 +82,7 @@ class Judged(NamedTuple):
     penetration: float
 
 
-def judge(case: Case, reference: Reference, world, count: int) -> Judged:
+def judge(case: Case, reference: Reference, world: LedWorld, count: int) -> Judged:
     """A world on the whole path; `count` steps from one sample of the hand to the next."""
     bodies = case.bodies()
     found = rollout(
@@ -106,7 +106,7 @@ def solution(of: Case, method: str, step: int) -> dict[str, np.ndarray]:
     return rollout(world, of.path(), of.period // step, of.look // of.period, bodies=of.bodies()).poses
 
 
-def error_of(seen, reference: Reference, bodies: dict[str, float]) -> float:
+def error_of(seen: dict[str, np.ndarray], reference: Reference, bodies: dict[str, float]) -> float:
     """Root mean square over time of the worst body's distance from its reference, over the longest way of any."""
     worst = np.max([apart(seen[name], reference.poses[name], radius) for name, radius in bodies.items()], axis=0)
     whole = float(np.sqrt(np.mean(worst**2))) if np.all(np.isfinite(worst)) else math.inf
@@ -120,7 +120,7 @@ def longest_way(reference: Reference, bodies: dict[str, float]) -> float:
     )
 
 
-def apart(poses, others, radius: float) -> np.ndarray:
+def apart(poses: np.ndarray, others: np.ndarray, radius: float) -> np.ndarray:
     """Distances [m] of poses, a turn counted at this radius."""
     gap = (poses - others) * (1.0, 1.0, radius)
     return np.sqrt(np.sum(gap * gap, axis=1))

@@ -7,8 +7,8 @@ largest fall of what has been dissipated, supplied − Δstored, from one bookin
 
 import math
 import time
-from collections.abc import Callable, Iterable
-from typing import NamedTuple, Protocol
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -61,25 +61,26 @@ class Exchanged:
         True
     """
 
-    def __init__(self, simulation: Simulation, start, gains: Coupling = GAINS):
+    def __init__(self, simulation: Simulation, start: Sequence[float], gains: Coupling = GAINS):
         self.simulation, self._gains, self._time = simulation, gains, -EXCHANGE_NS
         self.pose = simulation.method.pose
         self._exchange(np.asarray(start, float).tolist())
 
-    def step(self, target, n=1):
+    def step(self, target: np.ndarray, n: int = 1) -> StepResult:
         """An exchange for each row of the path `target` (m, 6) but its first; `n` is the simulation's own."""
         before = self.simulation.ledger.supplied
         for row in target[1:].tolist():
             self._exchange(row)
         return StepResult(self.simulation.ledger.supplied - before)
 
-    def energy(self):
+    def energy(self) -> tuple[float, float]:
         """Kinetic and potential energy [J] after the last exchange."""
         return self.simulation.ledger.balance[:2]
 
-    def _exchange(self, row):
+    def _exchange(self, row: list[float]) -> None:
         self._time += EXCHANGE_NS
-        self.simulation.exchange(HandleSample(self._time, tuple(row[:3]), tuple(row[3:]), *self._gains))
+        x, y, theta, vx, vy, turn = row
+        self.simulation.exchange(HandleSample(self._time, (x, y, theta), (vx, vy, turn), *self._gains))
 
 
 class Rollout(NamedTuple):
@@ -164,8 +165,8 @@ def rollout(
                 poses.append(world.pose(name))
             deepest = max(deepest, overlap() if overlap else 0.0)
     booked = (books.finite, books.created, books.scale) if books else (True, 0.0, 0.0)
-    poses = {name: np.array(places) for name, places in seen.items()}
-    return Rollout(booked[0], poses, np.array(spent), deepest, *booked[1:])
+    found = {name: np.array(places) for name, places in seen.items()}
+    return Rollout(booked[0], found, np.array(spent), deepest, *booked[1:])
 
 
 class Books:
@@ -178,7 +179,7 @@ class Books:
         self._supplied = self._lost = 0.0
         self.finite, self.created, self.scale = True, 0.0, max(map(abs, stored))
 
-    def book(self, handle, supplied: float) -> bool:
+    def book(self, handle: Sequence[float], supplied: float) -> bool:
         """Books what is there now, the handle at (x, y, theta, …), and `supplied` [J] since; whether it is finite."""
         self._supplied += supplied
         stored, stretched = self._world.energy(), stretch(self._gains, handle, self._world.pose(TOOL))
@@ -192,13 +193,13 @@ class Books:
         return self.finite
 
 
-def stretch(gains: Coupling, handle, tool) -> float:
+def stretch(gains: Coupling, handle: Sequence[float], tool: Planar) -> float:
     """Energy in the coupling's spring [J]; handle and tool at poses (x, y, theta)."""
     x, y, theta = np.subtract(handle[:3], tool)
     return 0.5 * (gains.stiffness * (x * x + y * y) + gains.rotational_stiffness * theta * theta)
 
 
-def hand(scene: Scene, angle: float = 0.0):
+def hand(scene: Scene, angle: float = 0.0) -> Callable[[float], Planar]:
     """The suggested motion of a scene: a function of time [s] that returns the position (x, y, theta) [m, m, rad].
 
     Args:
@@ -216,14 +217,14 @@ def hand(scene: Scene, angle: float = 0.0):
     motion = operator_hand.script(values | {f"motion.{key}": value for key, value in scene.motion.items()})
     place = np.empty(3)
 
-    def at(time):
+    def at(time: float) -> Planar:
         operator_hand.target_at(motion[0], time, place)
         return (*turned(place[:2].tolist(), (0.0, 0.0, angle)), float(place[2]) + angle)
 
     return at
 
 
-def way(lead: Callable, times: np.ndarray) -> np.ndarray:
+def way(lead: Callable[[float], Planar], times: np.ndarray) -> np.ndarray:
     """Path (n, 6) of a hand: its positions at these times, and velocities by differences.
 
     Args:
@@ -242,7 +243,7 @@ def way(lead: Callable, times: np.ndarray) -> np.ndarray:
     return np.hstack([places, np.gradient(places, times[1] - times[0], axis=0)])
 
 
-def overlap_watch(scene: Scene, pose):
+def overlap_watch(scene: Scene, pose: Callable[[str], Any]) -> Callable[[], float]:
     """Makes a function () → deepest overlap [m] of all bodies of a scene that can touch.
 
     The function computes the overlap from shapes and poses. It does not use the contacts of the world.
@@ -271,7 +272,7 @@ def overlap_watch(scene: Scene, pose):
     )
     reach = sizes[first] + sizes[second]
 
-    def look():
+    def look() -> float:
         poses = {name: pose(name) for name in solids}
         places = np.array([place[:2] for place in poses.values()])
         near = np.flatnonzero(np.hypot(*(places[first] - places[second]).T) < reach)

@@ -70,7 +70,7 @@ def converged(case: Case) -> Reference:
     raise ValueError(f"no method can model scene {case.name!r} alone")
 
 
-def _measured(case, known, method):
+def _measured(case: Case, known: Reference, method: str) -> Measured:
     reduced = reduce_scene(case.scene, method)
     step = reduced.sub_step
     doubt = known.doubt / longest_way(known, case.bodies())
