@@ -42,7 +42,8 @@ def settings_of(device):
 def settings_from(device, values, version=0):
     """Settings of the servo at an operating point: a structured array with one record, SETTINGS of control/records.
 
-    Raises ValueError with one sentence if values do not fit together or do not fit the device.
+    Its passivity margin is that of writes on time. Raises ValueError with one sentence if values do not fit together or
+    do not fit the device.
 
     Args:
         device: a `Device`.
@@ -58,6 +59,12 @@ def settings_from(device, values, version=0):
         >>> print(settings["period"][0], settings["coupling"]["stiffness"][0])  # [s], [N/m, N/m, N m/rad]
         0.00025 [1000. 1000.    1.]
     """
+    settings = settings_unjudged(device, values, version)
+    return gain_check.counted(settings, gain_check.delays(settings[0]))
+
+
+def settings_unjudged(device, values, version=0):
+    """As settings_from, still without what is left of the device's damping (gain_check.judge)."""
     settings = settings_of(device)
     settings["version"], settings["period"] = version, 1.0 / values["servo.rate"]
     late, rate = float(settings["hardware"]["delay"][0]) * values["servo.rate"], values["servo.rate"]
@@ -83,7 +90,7 @@ def settings_from(device, values, version=0):
     _set_walls(settings, values)
     _set_exchange(settings, values)
     settings["passivity"]["cross"] = gain_check.cross(settings[0])
-    return gain_check.counted(settings, gain_check.delays(settings[0]))
+    return settings
 
 
 def _set_exchange(settings, values):

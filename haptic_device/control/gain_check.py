@@ -3,6 +3,7 @@
 
 import functools
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,33 @@ JOINTLY = 1e-6  # N/m to which the stiffness that walls and coupling allow toget
 PRECISE = 1e-4  # of a lateness that is too much, to which the most is found
 
 
+class Judgement(NamedTuple):
+    """Of one set of gains where forces act `lateness` [s] late: what the device's damping has left over, and a refusal.
+
+    margins: of each axis; surplus: of each axis, what no standing spring or damper needs [N s/m, N s/m, N m s/rad];
+    plane, theta: in the worst direction of x and y [N s/m], and about theta [N m s/rad]; sentence: why these gains are
+    refused, "" where plane and theta are above 0.
+    """
+
+    lateness: float
+    margins: np.ndarray
+    surplus: np.ndarray
+    plane: float
+    theta: float
+    sentence: str
+
+    def into(self, settings):
+        """The same SETTINGS array of one, with what is left of the damping."""
+        return _count(settings, *self[:3])
+
+
+def judge(settings, lateness):
+    """The one Judgement of gains where forces act this late [s]; settings: one record of `settings_from`."""
+    by_axis, plane, theta = margins(settings, lateness)
+    sentence = "" if min(plane, theta) > 0.0 else next(_reasons(settings, lateness))
+    return Judgement(lateness, by_axis, surplus(settings, lateness), plane, theta, sentence)
+
+
 def delays(settings):
     """How late forces act [s] where the writes are on time: the device's delays, and the error of its stamps.
 
@@ -23,10 +51,13 @@ def delays(settings):
 
 
 def counted(settings, lateness):
-    """The same SETTINGS array of one, with what is left of the damping where forces act this late [s]; see margins."""
+    """As Judgement.into, for gains that nobody is to be told of."""
+    return _count(settings, lateness, margins(settings[0], lateness)[0], surplus(settings[0], lateness))
+
+
+def _count(settings, lateness, by_axis, surplus):
     known = settings["passivity"]
-    known["lateness"], known["margin"][0] = lateness, margins(settings[0], lateness)[0]
-    known["surplus"][0] = surplus(settings[0], lateness)
+    known["lateness"], known["margin"][0], known["surplus"][0] = lateness, by_axis, surplus
     return settings
 
 
@@ -172,8 +203,12 @@ def refusals(settings, lateness=0.0, other=None):
 
     other: a lateness [s] for which each says the allowed stiffness too.
     """
-    if min(margins(settings, lateness)[1:]) > 0.0:
-        return
+    if min(margins(settings, lateness)[1:]) <= 0.0:
+        yield from _reasons(settings, lateness, other)
+
+
+def _reasons(settings, lateness, other=None):
+    """The sentences of refusals, for gains that are not covered."""
     alone = False
     for sentence in filter(None, _blames(settings, lateness, other)):
         alone = True
@@ -182,11 +217,11 @@ def refusals(settings, lateness=0.0, other=None):
         yield _together(settings, lateness)
 
 
-def shortfall(settings, lateness):
-    """Why no damping is left over at this lateness [s]: the gains that do not fit, or the lateness where they would fit
-    without; "" if some is left.
+def shortfall(settings, judged):
+    """Why this Judgement of the settings leaves no damping over: the gains that do not fit, or the lateness where they
+    would fit without; "" if some is left.
     """
-    sentence = refusal(settings, lateness)
+    lateness, sentence = judged.lateness, judged.sentence
     if not sentence:
         return ""
     if refusal(settings, 0.0):

@@ -44,7 +44,7 @@ class DriverNode(ManagedNode):
         super().__init__("haptic_driver", DRIVER)
         self.hardware = self.servo = self.exchange = self.telemetry = None
         self._kept = {"code": faults.NONE}
-        self._version, self._said, self.margins, self._delay = 0, set(), [math.inf, math.inf], 0.0
+        self._version, self._said, self.judged, self._delay = 0, set(), None, 0.0
         self._announced, self._alone_since = False, 0.0
         self._to_enable = self.values["auto_enable"]  # by itself, until a person has said otherwise
         self._watched, self.stall, self._reported = time.monotonic(), 0.0, None
@@ -66,9 +66,7 @@ class DriverNode(ManagedNode):
         scheduling.lift_threads(self.values["realtime"], MIDDLEWARE_PRIORITY)  # that of the commands too
         self.device = load_device(self.values["device"])
         self._delay = self.device.sensing_delay + self.device.actuation_delay
-        settings = self._settings(self.values)
-        self._judge(settings, self.values)
-        self._warn(settings, self.values)
+        self._warn(self._settings(self.values)[1])
         name = file_name(self.context.get_domain_id(), self.get_namespace())
         self.hardware = SharedMemoryInterface(name, secrets.randbits(48) | 1)
         if self.hardware.stale:
@@ -79,12 +77,14 @@ class DriverNode(ManagedNode):
         if not self._commands.running:
             raise ValueError("the services thread has ended: nobody could stop the motor")
         home = self.device.home if self.device.homing == "at_start" else None
-        settings = self._settings(self.values, self._version)
-        self._judge(settings, self.values)
-        self._warn(settings, self.values)
+        settings, self.judged = self._settings(self.values)
+        settings["version"] = self._version
+        self._warn(self.judged)
         self._announced, self._alone_since = False, 0.0
         with self._changing:
-            self.servo = ServoThread(self.hardware, settings, home, self.values["realtime"], self._kept)
+            self.servo = ServoThread(
+                self.hardware, self.judged.into(settings), home, self.values["realtime"], self._kept
+            )
         self.servo.gains.put(controller_config.gains_from(self.values, settings))
         self._set_flag(enable_state.CLUTCH, self.values["clutch.open"])
         self.exchange = ExchangeServer(self, self.servo, len(self.device.axes), self.values, self.clock.offset)
@@ -123,47 +123,47 @@ class DriverNode(ManagedNode):
     def _check(self, values):
         """Raises ValueError, one sentence, where values do not fit each other or the device."""
         if self.hardware is not None:
-            self._judge(self._settings(values), values)
+            self._checked = self._settings(values)
 
     def _apply(self, values):
-        """Takes values that were checked, at the next tick boundary."""
+        """Takes the values that were checked last, as they were judged, at the next tick boundary."""
         self.values = values
         if self.hardware is None:
             return
-        settings = self._settings(values, self._version + 1)
-        self._warn(settings, values)
+        settings, judged = self._checked
+        self._warn(judged)
         if self.servo is not None:
             self._version += 1
-            self.servo.set(gain_check.counted(settings, self.lateness()))
+            settings["version"] = self._version
+            self._set(settings, judged)
             self.servo.gains.put(controller_config.gains_from(values, settings))
             self._set_flag(enable_state.CLUTCH, values["clutch.open"])
 
-    def _judge(self, settings, values):
-        """Raises ValueError for gains beyond the device's damping, if passivity.policy is to enforce it.
+    def _settings(self, values):
+        """SETTINGS record of these values, with the delay that counts now, and the one Judgement of their gains.
 
-        Gains that need no more in any direction than those in force are taken, and said: a servo that runs late must
-        not refuse softer ones.
+        Raises ValueError for gains beyond the device's damping, if passivity.policy is to enforce it. Gains that need
+        no more in any direction than those in force are taken, and said: a servo that runs late must not refuse softer
+        ones.
         """
-        sentence = self._excess(settings, values)
-        softer = self.servo is not None and gain_check.softer(
-            settings[0], self.servo.settings.get()[0], self.lateness()
-        )
-        if sentence and values["passivity.policy"] == "enforce" and not softer:
-            raise ValueError(sentence)
-
-    def _warn(self, settings, values):
-        if sentence := self._excess(settings, values):
-            self._say("warning", sentence)
-
-    def _excess(self, settings, values):
-        """The sentence on gains beyond the device's damping; "" if they are not, or the policy is off."""
-        return gain_check.refusal(settings[0], self.lateness()) if values["passivity.policy"] != "off" else ""
-
-    def _settings(self, values, version=0):
-        """SETTINGS record of these values, with the delay that counts now."""
-        settings = controller_config.settings_from(self.device, values, version)
+        settings = controller_config.settings_unjudged(self.device, values)
         settings["hardware"]["delay"] = self._delay
-        return settings
+        judged = gain_check.judge(settings[0], self.lateness())
+        if judged.sentence and values["passivity.policy"] == "enforce":
+            known = self.servo.settings.get()[0] if self.servo is not None else None
+            if known is None or not gain_check.softer(settings[0], known, judged.lateness):
+                raise ValueError(judged.sentence)
+        return settings, judged
+
+    def _warn(self, judged):
+        """Says gains beyond the device's damping, unless the policy is off."""
+        if judged.sentence and self.values["passivity.policy"] != "off":
+            self._say("warning", judged.sentence)
+
+    def _set(self, settings, judged):
+        """Gives the servo settings with what is left of the damping, and keeps the Judgement for the diagnostics."""
+        self.judged = judged
+        self.servo.set(judged.into(settings))
 
     def lateness(self):
         """How late forces act [s]: the delays of device and link, and the p99 of the measured delay of the writes.
@@ -176,20 +176,17 @@ class DriverNode(ManagedNode):
         return delays + (0.0 if math.isnan(measured) else measured)
 
     def _follow_margin(self):
-        """The margin of the gains in force, with the lateness as measured now."""
-        self._follow_delay()
-        settings, lateness = self.settings(), self.lateness()
-        _, *self.margins = gain_check.margins(settings[0], lateness)
-        self.servo.set(gain_check.counted(settings, lateness))
+        """Judges the gains in force anew, with the lateness as measured now.
 
-    def _follow_delay(self):
-        """Books energy with the link's delay where that is longer than the description says; small changes wait."""
-        described = self.device.sensing_delay + self.device.actuation_delay
+        Energy is booked with the link's delay where that is longer than the description says; small changes wait.
+        """
+        settings, described = self.settings(), self.device.sensing_delay + self.device.actuation_delay
         most = controller_config.MOST_LATE / self.values["servo.rate"]
         delay = max(described, min(self.hardware.delay(), most))
         if abs(delay - self._delay) > DELAY_CHANGE * self._delay + LEAST_CHANGE:
             self._delay, self._version = delay, self._version + 1
-            self.servo.set(gain_check.counted(self._settings(self.values, self._version), self.lateness()))
+            settings["version"], settings["hardware"]["delay"] = self._version, delay
+        self._set(settings, gain_check.judge(settings[0], self.lateness()))
 
     def settings(self):
         """SETTINGS array of one, those wished for now."""

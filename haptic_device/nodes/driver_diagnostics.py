@@ -13,7 +13,7 @@ PERCENTILES = ("p50", "p99", "p999", "max")
 
 
 class DriverDiagnostics:
-    """Of one activation of a DriverNode, whose servo, exchange, telemetry, margins and stall it reads."""
+    """Of one activation of a DriverNode, whose servo, exchange, telemetry, judgement and stall it reads."""
 
     def __init__(self, node):
         self._node, self._refused, self._rates = node, Refusals("tool"), diagnostics.Rates()
@@ -32,11 +32,11 @@ class DriverDiagnostics:
         lateness, compute, age, _ = node.telemetry.percentiles()[:, 1]
         rates = self._rates.of(missed=row.missed, sent=exchange.sent, answered=exchange.answered)
         lost = max(0.0, 1.0 - rates["answered"] / rates["sent"]) if rates["sent"] > 0.0 <= row.tool_age else math.nan
-        figures = {"margin": node.margins[0], "lateness": lateness, "compute": compute, "missed": rates["missed"]}
+        figures = {"margin": node.judged.plane, "lateness": lateness, "compute": compute, "missed": rates["missed"]}
         figures |= {"age": age, "loss": lost, "energy": float(sum(row.energy_given))}
         figures |= {"thermal_load": float(max(row.thermal_load)), "stall": node.stall}
-        if math.isfinite(node.margins[1]):
-            figures["margin_theta"] = node.margins[1]
+        if math.isfinite(node.judged.theta):
+            figures["margin_theta"] = node.judged.theta
         node.stall = 0.0
         return diagnostics.statuses("haptic_driver", DRIVER_FIGURES, figures, node.values)
 
@@ -66,9 +66,8 @@ class DriverDiagnostics:
             yield "no simulation: the handle is in free space"
         elif row.tool_age > node.values["exchange.hold"]:
             yield f"the tool sample is {row.tool_age * 1e3:.0f} ms old: the coupling fades out"
-        settings = node.settings()[0]
-        lack = gain_check.shortfall(settings, float(settings["passivity"]["lateness"]))  # as the servo counts with it
-        if lack and node.values["passivity.policy"] != "off":
+        lack = node.values["passivity.policy"] != "off" and gain_check.shortfall(node.settings()[0], node.judged)
+        if lack:
             yield f"the passivity margin is not positive: {lack}"
 
     def _withheld(self, row):
@@ -111,8 +110,8 @@ class DriverDiagnostics:
             "exchange_released": int(row.exchange_released),
             **(self._local_values(row) if node.values["exchange.method"] == "local" else {}),
             "physical_damping": ", ".join(f"{axis.damping:g}" for axis in node.device.axes),
-            "passivity_margin": f"{node.margins[0]:.4f}",
-            "passivity_margin_theta": f"{node.margins[1]:.6f}",
+            "passivity_margin": f"{node.judged.plane:.4f}",
+            "passivity_margin_theta": f"{node.judged.theta:.6f}",
             "lateness_counted_us": f"{node.lateness() * 1e6:.1f}",
             "injections": int(row.injections),
             "survived": node.survived,

@@ -34,14 +34,14 @@ def declare(node: Node, parameters: Iterable[Parameter]) -> dict:
 def on_change(
     node: Node, parameters: Iterable[Parameter], check: Callable[[dict], None], apply: Callable[[dict], None]
 ) -> None:
-    """Calls check with all values, wished ones merged in, before a live change, and apply with those in force after it.
+    """Calls check with all values, wished ones merged in, before a live change, and apply with the same after it.
 
     check changes nothing; its ValueError refuses the request, all of it. apply must take what check let pass. A request
     of more than MOST_AT_ONCE entries is refused before any of them is looked at. Integers are taken for doubles, as
     `ros2 param set` sends 1500 for 1500.0.
     """
     declared = {parameter.name: parameter for parameter in parameters}
-    owner = f"a parameter of {node.get_name()}"
+    owner, checked = f"a parameter of {node.get_name()}", {}
 
     def why_not(change):
         """The sentence that refuses one change by itself, in place of rclpy's; "" if there is none."""
@@ -58,14 +58,16 @@ def on_change(
         sentence = next(filter(None, map(why_not, changes)), "")
         try:
             if wished and not sentence:
-                check(_merged(node, declared, wished))
+                merged = _merged(node, declared, wished)
+                check(merged)
+                checked.update(merged)  # each time with all values
         except ValueError as error:
             sentence = str(error)
         return SetParametersResult(successful=not sentence, reason=sentence)
 
     def take(changes):
         if any(change.name in declared for change in changes):
-            apply(_merged(node, declared, {}))
+            apply(dict(checked))
 
     def typed(changes):
         return [_typed(change, declared.get(change.name)) for change in changes]

@@ -52,7 +52,7 @@ def passive_ranges(device: Device, values: dict, lateness: float) -> dict:
     forces act, delays of the device included [s]. Where walls do not fit together there are none.
     """
     try:
-        settings = controller_config.settings_from(device, values)
+        settings = controller_config.settings_unjudged(device, values)
     except (ValueError, KeyError):  # KeyError: a driver that does not have all of this version's parameters
         return {}
     found = {}

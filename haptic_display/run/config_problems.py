@@ -127,7 +127,7 @@ def _too_late(given, measure) -> str:
     values = defaults(NODES["haptic_driver"]) | given["haptic_driver"]
     if values["passivity.policy"] != "enforce" or (late := measure(values)) is None:
         return ""
-    settings = controller_config.settings_from(load_device(values["device"]), values)[0]
+    settings = controller_config.settings_unjudged(load_device(values["device"]), values)[0]
     delays = gain_check.delays(settings)
     sentence = next(gain_check.refusals(settings, delays + late, delays), "")
     return f"99 % of the writes here are within {late * 1e3:.3g} ms, and {sentence}" if sentence else ""
@@ -225,7 +225,7 @@ def _driver(measure, device, values, wrong) -> Iterator[str]:
     others = sorted(name for name in wrong if not name.startswith("wall."))
     told = f" (with the default of {', '.join(others)})" if others else ""
     try:
-        settings = controller_config.settings_from(device, values)[0]
+        settings = controller_config.settings_unjudged(device, values)[0]
     except ValueError as error:
         yield f"{error}{told}"
         return

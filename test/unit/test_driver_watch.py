@@ -81,6 +81,7 @@ def serve(driver, **given):
     driver.exchange = SimpleNamespace(
         refusals=dict, refused_contacts=dict, sent=0, answered=0, round_trips=lambda: np.zeros(2)
     )
+    driver.judged = gain_check.judge(controller_config.settings_from(driver.device, driver.values)[0], 0.0)
     driver.report = module.DriverDiagnostics(driver)
 
 

@@ -33,6 +33,10 @@ def refusal(late=0.0, **given):
     return gain_check.refusal(settings(**given), late)
 
 
+def shortfall(one, late):
+    return gain_check.shortfall(one, gain_check.judge(one, late))
+
+
 def walls(stiffness, damping, *angles):
     count = len(angles)
     normals = np.array([[np.cos(a), np.sin(a)] for a in np.radians(angles)]).ravel()
@@ -143,8 +147,8 @@ def test_where_gains_would_fit_in_time_the_shortfall_blames_the_lateness_and_say
     wall = settings(**walls(4500.0, 0.05, 90.0))
     most = gain_check.most_lateness(wall, 1e-3)
     assert gain_check.margins(wall, 0.999 * most)[1] > 0.0 >= gain_check.margins(wall, 1.001 * most)[1]
-    assert gain_check.shortfall(wall, 0.999 * most) == ""
-    assert gain_check.shortfall(wall, 1e-3) == (
+    assert shortfall(wall, 0.999 * most) == ""
+    assert shortfall(wall, 1e-3) == (
         "forces act 1 ms late (99 % of the writes within 1 ms, the device's delays 0 ms), and these gains leave at "
         f"most {most * 1e3:.3g} ms: lower them, or see haptic doctor"
     )
@@ -157,7 +161,7 @@ def test_where_gains_fit_at_no_lateness_the_shortfall_blames_the_gain():
         (coupling(1000.0, 0.5, coupling__rotational_stiffness=900.0), "coupling.rotational_stiffness 900 N m/rad with"),
         (NO_COUPLING | ADAPTIVE | {CANCEL: 0.9}, "cancellation.ratio 0.9 (twice, for adaptive_window)"),
     ):
-        assert gain_check.shortfall(settings(axes=3, **gains), 1e-4).startswith(told)
+        assert shortfall(settings(axes=3, **gains), 1e-4).startswith(told)
 
 
 @pytest.mark.parametrize("link, write", [(None, None), (0.9e-3, np.nan), (1e-3, 0.2e-3), (1.1e-3, 0.2e-3)])
@@ -172,18 +176,19 @@ def test_forces_are_late_by_the_longer_of_described_and_measured_delay_and_by_th
 
 def test_books_follow_a_links_delay_that_is_longer_than_described_and_small_changes_wait():
     described = SimpleNamespace(sensing_delay=0.0, actuation_delay=50e-6, stamp_error=0.0)
-    told, put = iter([0.0, 60e-6, 75e-6, 100e-6, 1.0]), []
+    told = iter([0.0, 60e-6, 75e-6, 100e-6, 1.0])
     hardware = SimpleNamespace(delay=lambda: next(told))
     driver = SimpleNamespace(device=described, hardware=hardware, _delay=50e-6, _version=3)
-    driver.values, driver.servo = values("haptic_driver", servo__rate=1000.0), SimpleNamespace(set=put.append)
-    driver._settings = lambda values, version: controller_config.settings_from(device(0.8), values, version)
+    driver.values = values("haptic_driver", servo__rate=1000.0)
+    put = [controller_config.settings_from(device(0.8), driver.values, driver._version)]
+    driver.settings, driver._set = lambda: put[-1].copy(), lambda settings, judged: put.append(judged.into(settings))
     driver.lateness = lambda: driver._delay
-    followed = []
     for _ in range(5):
-        DriverNode._follow_delay(driver)
-        followed.append((driver._delay, driver._version))
-    assert followed == [(50e-6, 3), (50e-6, 3), (50e-6, 3), (100e-6, 4), (controller_config.MOST_LATE / 1000.0, 5)]
-    assert [int(one["version"][0]) for one in put] == [4, 5]
+        DriverNode._follow_margin(driver)
+    most = controller_config.MOST_LATE / 1000.0
+    followed = [(float(one["hardware"]["delay"][0]), int(one["version"][0])) for one in put[3:]]
+    assert followed == [(0.0, 3), (100e-6, 4), (most, 5)] and (driver._delay, driver._version) == followed[-1]
+    assert [float(one["passivity"]["lateness"][0]) for one in put[1:]] == [50e-6, 50e-6, 50e-6, 100e-6, most]
 
 
 @pytest.mark.parametrize("stiffness, damping", [(5900.0, 0.0), (5000.0, 0.1)])

@@ -26,8 +26,7 @@ class Node:
         self.values = values("haptic_driver", **given)
         self.device, self.clock, self.survived = device(damping=3.0), SessionClock(), 0
         self._settings = controller_config.settings_from(self.device, self.values)
-        gain_check.counted(self._settings, lateness)
-        self.margins, self.lateness = gain_check.margins(self._settings[0], lateness)[1:], lambda: 0.0
+        self.judged, self.lateness = gain_check.judge(self._settings[0], lateness), lambda: 0.0
         ring = SimpleNamespace(dropped=0)
         link = SimpleNamespace(watchdog=float)
         self.servo = SimpleNamespace(running=True, realtime="no", ring=ring, control=np.zeros(64), link=link)
