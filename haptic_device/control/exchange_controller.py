@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the coupling pulls to: the tool's samples, by the exchange method that is set.
 
-A method is a module with `move_set_point`; all but `direct` share one energy tank. Energies are of all axes together.
+A method is a module with `move_set_point`; these share one energy tank. `direct` is the tool as its last sample has it:
+nothing is booked, and only lock-step keeps it passive. Energies are of all axes together.
 Every factor on the coupling's force (engaging, fading) multiplies its spring, so that its rise is paid as a jump is.
 """
 
@@ -11,7 +12,6 @@ from haptic_device.control import (
     enable_state,
     energy_accounting,
     energy_tank,
-    exchange_direct,
     exchange_pspm,
     exchange_samples,
     virtual_tool,
@@ -30,7 +30,7 @@ def move_set_point(settings, state, sensors, tool, output):
     else:
         _fade(settings, state.fade, state.enable, tool, output)
         if not booked:
-            exchange_direct.move_set_point(tool, output)
+            _pull_to_tool(tool, output)
             return
         if number:
             _begin_tick(settings, state, sensors, output)
@@ -66,6 +66,13 @@ def _fade(settings, fade, enable, tool, output):
     fade.apart = 0.0 if enable.ramp > 0.0 and fade.factor > 0.0 else fade.apart
     fade.released += 1.0 if full and fade.factor < 1.0 else 0.0
     output.exchange_released, output.exchange_fade = fade.released, fade.factor
+
+
+@njit
+def _pull_to_tool(tool, output):
+    """Exchange method `direct`: the coupling pulls to the tool's last sample."""
+    for i in range(output.position.size):
+        output.coupling_position[i], output.coupling_velocity[i] = tool.position[i], tool.velocity[i]
 
 
 @njit

@@ -3,7 +3,7 @@
 
 import math
 
-from haptic_device.control import enable_state, fault_watch, faults, kinematics
+from haptic_device.control import enable_state, fault_watch, faults
 from haptic_device.jit import kernel, njit
 
 
@@ -50,8 +50,17 @@ def command(settings, enable, fault, hold, output):
 def _at_device(settings, output, i, force):
     """A force in the world [N | N m], within the operator's limit, as the motor makes it, with gravity compensation."""
     limit = settings.force.limit[i]
-    limited = kinematics.to_device_force(output.engage * min(limit, max(-limit, force)), settings.hardware.scale[i])
+    limited = to_device_force(output.engage * min(limit, max(-limit, force)), settings.hardware.scale[i])
     return limited + output.engage * output.force_gravity[i]
+
+
+@kernel
+def to_device_force(force, scale):
+    """Force the motor makes for this force on the handle in the world.
+
+    f_device · v_device = f_world · v_world, so that a world stiffness K is felt as scale² K.
+    """
+    return scale * force
 
 
 @njit
@@ -90,7 +99,7 @@ def _acting(settings, hold, output, i, damped):
     share = _share(acting, rest, settings.coupling.limit[i])
     coupled = pulled + share * (output.force_coupling[i] - pulled)
     hold.rest_share[i] = share
-    hold.coupling[i] = kinematics.to_device_force(output.engage * coupled, settings.hardware.scale[i])
+    hold.coupling[i] = to_device_force(output.engage * coupled, settings.hardware.scale[i])
     hold.walls[i] = output.engage * (acting - pulled)
     beyond = pulled + hold.wall_springs[i] - springs
     # a wall at its own limit is there but for rounding

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Encoder counts to the handle's position and velocity: the first stage of a tick."""
 
-from haptic_device.control import damping_compensation, enable_state, fault_watch, kinematics, velocity_estimator
+from haptic_device.control import damping_compensation, enable_state, fault_watch, velocity_estimator
 from haptic_device.jit import kernel, njit
 
 
@@ -27,9 +27,9 @@ def sense(settings, motion, samples, compensation, fault, sensors, output):
         velocity = _velocity(settings, motion, samples, i, position)
         fault_watch.latch(fault, _motion_fault(device, motion, i, position, velocity))
         if opened:  # the handle stays where it is in the world
-            world = kinematics.to_world(before, device.scale[i], motion.clutch_offset[i])
-            motion.clutch_offset[i] = kinematics.clutched_offset(world, position, device.scale[i])
-        output.position[i] = kinematics.to_world(position, device.scale[i], motion.clutch_offset[i])
+            world = to_world(before, device.scale[i], motion.clutch_offset[i])
+            motion.clutch_offset[i] = clutched_offset(world, position, device.scale[i])
+        output.position[i] = to_world(position, device.scale[i], motion.clutch_offset[i])
         output.velocity[i] = 0.0 if opened else device.scale[i] * velocity
         motion.device_position[i], motion.device_velocity[i] = position, velocity
         fault_watch.latch(
@@ -41,6 +41,19 @@ def sense(settings, motion, samples, compensation, fault, sensors, output):
         motion.sample_time, motion.sample_error = sensors.latched, sensors.stamp_error
         motion.sample_deadline = sensors.deadline
     motion.started = 1.0
+
+
+@kernel
+def to_world(device_position, scale, offset):
+    """World position of the handle; offset is what the clutch has collected. motor.to_device_force conserves power."""
+    return scale * device_position + offset
+
+
+@kernel
+def clutched_offset(world_position, device_position, scale):
+    """Offset that keeps the handle where it is in the world while the device moves under an open clutch."""
+    # of x_world = scale · x_device + offset
+    return world_position - scale * device_position
 
 
 @njit

@@ -2,7 +2,7 @@
 """Why a display that is enabled gives less force than is wished for. The table below is the only one; documents are
 made from it.
 
-A cause counts where it lasts (withheld_time.py): for a moment a display that works has each of them.
+A cause counts where it lasts (WithheldTime): for a moment a display that works has each of them.
 """
 
 import math
@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from haptic_device.control import enable_state, exchange_controller, faults
 from haptic_device.jit import kernel, njit
@@ -17,6 +18,11 @@ from haptic_device.jit import kernel, njit
 FELT = 0.05  # of engage.force and engage.torque: a coupling that is short by less is not
 RISEN = 0.999  # of a tick's rise of forces: less is one that was not paid
 LEAST_ANGLE = 1.0  # [°] below which a tool is not said to be turned
+LASTS = 0.2  # [s] beyond which a cause counts
+BREAK = 0.02  # [s] without it that end it: a handle that moves pays for a tick now and then
+SHORT = "the tool's port keeps its force short, for want of energy or by its limit, and the hand feels as little"
+"""What the simulation withholds, named tool_port beside the causes of the driver."""
+_SECOND = 1e-9
 
 
 class Withheld(NamedTuple):
@@ -107,7 +113,7 @@ LIMIT = _cause(
 def sentence(standing: dict[str, float], row) -> str:
     """That force is withheld, and of the first cause time, number and cure; "" where none stands.
 
-    standing: {name: time [s]} in the order of the table (withheld_time); row: the newest of the servo.
+    standing: {name: time [s]} in the order of the table (WithheldTime); row: the newest of the servo.
     """
     first = next((each for each in TABLE if each.name in standing), None)
     if first is None:
@@ -189,3 +195,67 @@ def _is_limited(settings, hold, output):
         if hold.limited[i] > 0.0 or pull > settings.coupling.limit[i] or abs(wanted) > settings.force.limit[i]:
             return True
     return False
+
+
+class _Spans:
+    """The spans of one cause; times [ns] of the ticks' deadlines."""
+
+    def __init__(self) -> None:
+        self._begin = self._last = self._ended = 0.0
+        self._free = -np.inf  # the last tick without it
+        self.longest = 0.0
+
+    def add(self, times: npt.NDArray[np.float64], on: npt.NDArray[np.bool_]) -> None:
+        """The next ticks, and in which of them it was on."""
+        edges = np.flatnonzero(np.diff(on, prepend=False, append=False))
+        for first, end in edges.reshape(-1, 2):
+            # missed ticks are no break
+            free = times[first - 1] if first else self._free
+            if self._last == 0.0 or free - self._last > BREAK / _SECOND:
+                self._close()
+                self._begin = times[first]
+            self._last = times[end - 1]
+            self.longest = max(self.longest, self.seconds)
+        if not on[-1]:
+            self._free = times[-1]
+
+    @property
+    def seconds(self) -> float:
+        """Length [s] of the last span."""
+        return (self._last - self._begin) * _SECOND
+
+    @property
+    def total(self) -> float:
+        """Time [s] of all spans that lasted."""
+        return self._ended + (self.seconds if self.seconds > LASTS else 0.0)
+
+    @property
+    def over(self) -> bool:
+        """Whether the last span has ended by the last tick."""
+        return self._free - self._last > BREAK / _SECOND
+
+    def _close(self) -> None:
+        self._ended, self._begin = self.total, self._last
+
+
+class WithheldTime:
+    """Takes the ticks as they come; a cause lasts once it stood for more than LASTS without a BREAK."""
+
+    def __init__(self) -> None:
+        self._spans = {cause.name: _Spans() for cause in TABLE}
+
+    def add(self, times: npt.NDArray[np.float64], bits: npt.NDArray[np.float64]) -> None:
+        """The next ticks: deadlines [ns] and column `withheld`."""
+        if not len(times):
+            return
+        whole = np.nan_to_num(bits).astype(np.int64)
+        for cause in TABLE:
+            self._spans[cause.name].add(times, (whole & cause.bit) != 0)
+
+    def standing(self) -> dict[str, float]:
+        """{name: time [s] it has stood} of the causes that last now, in the order of the table."""
+        return {name: span.seconds for name, span in self._spans.items() if span.seconds > LASTS and not span.over}
+
+    def totals(self) -> dict[str, tuple[float, float]]:
+        """{name: time [s] in all, longest [s]} of the causes that have lasted."""
+        return {name: (span.total, span.longest) for name, span in self._spans.items() if span.total > 0.0}

@@ -12,7 +12,7 @@ import numpy as np
 from rclpy.duration import Duration
 
 from haptic_device.control.records import SETTINGS, TRACE_ROW
-from haptic_device.control.withheld_time import WithheldTime
+from haptic_device.control.withheld import WithheldTime
 from haptic_device.message_fields import AXES, frame_id
 from haptic_device.nodes import messages
 from haptic_device.nodes.fault_detail import LatchedFault

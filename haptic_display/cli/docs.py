@@ -9,8 +9,8 @@ import typer
 
 from haptic_device.config.parameter_types import Parameter
 from haptic_device.control.faults import TABLE
+from haptic_device.control.withheld import BREAK, LASTS, SHORT
 from haptic_device.control.withheld import TABLE as WITHHELD
-from haptic_device.control.withheld_time import BREAK, LASTS, SHORT
 from haptic_device.os_errors import naming
 from haptic_display.run.processes import parameter_text
 from haptic_sim.node.parameters import NODES

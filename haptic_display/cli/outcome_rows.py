@@ -4,8 +4,7 @@
 from collections.abc import Iterator
 from typing import Any
 
-from haptic_device.control.withheld import TABLE
-from haptic_device.control.withheld_time import SHORT
+from haptic_device.control.withheld import SHORT, TABLE
 from haptic_device.digits import amount, plain
 from haptic_display.run.report.quantities import QUANTITIES
 from haptic_display.run.report.summary import PORT

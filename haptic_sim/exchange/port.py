@@ -5,13 +5,13 @@ A port moves the world: it says for each sub-step where the handle is that the c
 """
 
 import math
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from haptic_device.config.parameters import EXCHANGE_METHODS, Exchange
 from haptic_device.control import tool_side_tank
-from haptic_sim.exchange.port_limits import BUDGET, LIMITS, Limits
+from haptic_sim.exchange import BUDGET, LIMITS, Limits
 from haptic_sim.protocol import STILL, Coupling, Planar, StepResult, World
 
 UNSHIPPED = Exchange.model_fields["tank"].default
@@ -55,8 +55,8 @@ class HandleSample(NamedTuple):
         return Coupling(self.stiffness, self.damping, self.rotational_stiffness, self.rotational_damping)
 
 
-class Port(Protocol):
-    """One exchange method at the tool."""
+class DirectPort:
+    """The handle as it is said to be, whatever that does to the energy; what each call is for, at any port."""
 
     def rejoin(self) -> None:
         """A new session of the device: the next sample's sums are the new zero."""
@@ -66,40 +66,18 @@ class Port(Protocol):
 
     def receive(self, handle: HandleSample, sub_step: float, inner: int = 1) -> Coupling:
         """Take what a handle sample ships; the gains to couple with over the next sub-steps [s] of `inner` steps."""
-
-    def step(self, world: World, target: np.ndarray, n: int) -> StepResult:
-        """Advance a world by `n` sub-steps, the handle wished on the way between its two rows."""
-
-    def send(self, supplied: float) -> float:
-        """Energy that the tool sample tells [J]; supplied: at this port so far [J]."""
-
-    def kept_back(self, handle: HandleSample) -> np.ndarray | None:
-        """By how much of the handle's position and velocity (6) limit or energy keep the force short; None if not."""
-
-
-class DirectPort:
-    """The handle as it is said to be, whatever that does to the energy."""
-
-    def rejoin(self) -> None:
-        """Nothing is kept."""
-
-    def restart(self) -> None:
-        """Nothing is kept."""
-
-    def receive(self, handle: HandleSample, sub_step: float, inner: int = 1) -> Coupling:
-        """The device's gains."""
         return handle.gains
 
     def step(self, world: World, target: np.ndarray, n: int) -> StepResult:
-        """The handle as it is."""
+        """Advance a world by `n` sub-steps, the handle wished on the way between its two rows."""
         return world.step(target, n)
 
     def send(self, supplied: float) -> float:
-        """The energy supplied."""
+        """Energy that the tool sample tells [J]; supplied: at this port so far [J]."""
         return supplied
 
     def kept_back(self, handle: HandleSample) -> np.ndarray | None:
-        """Nothing."""
+        """By how much of the handle's position and velocity (6) limit or energy keep the force short; None if not."""
         return None
 
 
@@ -230,6 +208,10 @@ class PspmPort:
             return None
         held = self.memory[tool_side_tank.AIM : tool_side_tank.AIM + 6]
         return np.array((*handle.position, *handle.velocity)) - held
+
+
+Port = DirectPort | PspmPort
+"""One exchange method at the tool."""
 
 
 def port_of(method: str, budget: float = BUDGET, limits: Limits = LIMITS) -> Port:

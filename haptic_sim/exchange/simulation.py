@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from haptic_sim.exchange import Limits
 from haptic_sim.exchange.local_contacts import LocalContacts
 from haptic_sim.exchange.port import DirectPort, HandleSample, Port, port_of
-from haptic_sim.exchange.port_limits import Limits
 from haptic_sim.method_registry import METHODS, make
 from haptic_sim.protocol import Coupling, Planar, World, along
 from haptic_sim.reduction import ReducedScene

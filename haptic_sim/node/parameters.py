@@ -6,7 +6,7 @@ from typing import Literal
 from haptic_device.config.parameter_types import Group, Watched, fixed, limits_of, live, parameters_of
 from haptic_device.config.parameters import NODES as DEVICE_NODES
 from haptic_device.config.parameters import Exchange, ExchangeMethod, Realtime
-from haptic_sim.exchange.port_limits import BUDGET, LIMITS
+from haptic_sim.exchange import BUDGET, LIMITS
 from haptic_sim.method_registry import AUTO, offered
 
 HOME_PORT = 8723

@@ -24,8 +24,7 @@ from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.os_errors import in_words
 from haptic_device.realtime.scheduling import go_realtime, lift_interpreter, lift_threads, put_back, spare_collections
 from haptic_sim.exchange.endpoint import ExchangeEndpoint
-from haptic_sim.exchange.left_out_time import left_out_sentence, paused_sentence
-from haptic_sim.exchange.short_force import short_sentence
+from haptic_sim.exchange.left_out_time import left_out_sentence, paused_sentence, short_sentence
 from haptic_sim.exchange.simulation import Added, Simulation, kernels_of
 from haptic_sim.node.exchange_thread import ExchangeThread
 from haptic_sim.node.parameters import FIGURES, NODES

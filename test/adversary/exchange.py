@@ -19,8 +19,8 @@ from exchange_systems import one_axis
 from adversary import exchange_search, port_search
 from adversary.exchange_search import FREE, Adversary
 from haptic_device.config.parameters import EXCHANGE_METHODS
+from haptic_sim.exchange import BUDGET
 from haptic_sim.exchange.port import port_of
-from haptic_sim.exchange.port_limits import BUDGET
 from haptic_sim.exchange.simulation import HandleSample
 
 STIFFNESS, DAMPING, PERIOD, STEP = 1000.0, 0.25, 1e-3, 5e-6

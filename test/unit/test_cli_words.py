@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from in_process import haptic
 
 from haptic_device.config.files import find
-from haptic_device.control.withheld import TABLE
-from haptic_device.control.withheld_time import SHORT
+from haptic_device.control.withheld import SHORT, TABLE
 from haptic_display.cli import demo, outcome_rows, tables
 from haptic_display.cli.words import next_step, shown_path
 from haptic_display.run.outcome import nothing

@@ -12,7 +12,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
 from haptic_device.control import controller_config, enable_state, faults, gain_check, records
-from haptic_device.control.withheld_time import WithheldTime
+from haptic_device.control.withheld import WithheldTime
 from haptic_device.nodes import driver as module
 from haptic_device.nodes.fault_detail import LatchedFault
 from haptic_device.realtime import servo_loop

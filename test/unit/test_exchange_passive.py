@@ -17,8 +17,8 @@ from adversary import port_search
 from adversary.worst_paths import worst
 from haptic_device.config.parameters import POLICIES
 from haptic_device.control import enable_state, faults, tool_side_tank, virtual_coupling
+from haptic_sim.exchange import BUDGET, Limits
 from haptic_sim.exchange.port import PspmPort, port_of
-from haptic_sim.exchange.port_limits import BUDGET, Limits
 from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.lockstep.lockstep import Network
 from haptic_sim.reduction import reduce_scene

@@ -13,7 +13,8 @@ from haptic_device.control import (
     exchange_samples,
     fault_watch,
     faults,
-    kinematics,
+    motor,
+    sensing,
     virtual_coupling,
     virtual_wall,
 )
@@ -60,10 +61,10 @@ def test_a_walls_force_is_minus_the_slope_of_its_store():
 @given(number, number, number, st.floats(0.01, 10.0), number)
 def test_scaling_between_device_and_world_keeps_power(position, velocity, force, scale, offset):
     step = 1e-3
-    moved = kinematics.to_world(position + step, scale, offset) - kinematics.to_world(position, scale, offset)
+    moved = sensing.to_world(position + step, scale, offset) - sensing.to_world(position, scale, offset)
     assert moved == pytest.approx(scale * step, rel=1e-6)
     power_in_world = force * scale * velocity
-    assert kinematics.to_device_force(force, scale) * velocity == pytest.approx(power_in_world, rel=1e-9, abs=1e-12)
+    assert motor.to_device_force(force, scale) * velocity == pytest.approx(power_in_world, rel=1e-9, abs=1e-12)
 
 
 HOLD, FADE, PERIOD = 0.06, 0.14, 0.001

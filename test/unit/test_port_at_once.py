@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_device.control import tool_side_tank
+from haptic_sim.exchange import BUDGET, Limits
 from haptic_sim.exchange.port import PspmPort, port_of
-from haptic_sim.exchange.port_limits import BUDGET, Limits
 from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.lockstep.rollout import GAINS
 from haptic_sim.protocol import STILL, Coupling, StepResult, along

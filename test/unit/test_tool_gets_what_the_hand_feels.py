@@ -10,9 +10,9 @@ from exchange_systems import GAINS, demo_system
 
 from haptic_device.config.files import names
 from haptic_device.control import tool_side_tank
+from haptic_sim.exchange import BUDGET, Limits
+from haptic_sim.exchange.left_out_time import KEPT_SHORT, short_sentence
 from haptic_sim.exchange.port import UNSHIPPED, PspmPort, port_of
-from haptic_sim.exchange.port_limits import BUDGET, Limits
-from haptic_sim.exchange.short_force import SHARE, short_sentence
 from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.protocol import STILL, StepResult, along
 from haptic_sim.reduction import reduce_scene
@@ -152,5 +152,5 @@ def test_below_the_ports_own_limit_the_hand_feels_that_limit():
 
 
 def test_force_kept_short_is_said_where_it_lasts_longer_than_an_impact():
-    assert not short_sentence(0.999 * SHARE, 1.0, 0.01)
-    assert "10 mJ" in short_sentence(1.001 * SHARE, 1.0, 0.01)
+    assert not short_sentence(0.999 * KEPT_SHORT, 1.0, 0.01)
+    assert "10 mJ" in short_sentence(1.001 * KEPT_SHORT, 1.0, 0.01)

@@ -9,7 +9,7 @@ from ticks import tick
 
 from adversary import exchange_search as adversary
 from haptic_device.control import enable_state, faults, withheld
-from haptic_device.control.withheld_time import BREAK, LASTS, WithheldTime
+from haptic_device.control.withheld import BREAK, LASTS, WithheldTime
 
 BITS = {cause.name: cause.bit for cause in withheld.TABLE}
 

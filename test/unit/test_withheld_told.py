@@ -9,7 +9,7 @@ from lockstep_systems import device, values
 from rich.console import Console
 
 from haptic_device.control import controller_config, enable_state, gain_check, records, withheld
-from haptic_device.control.withheld_time import LASTS
+from haptic_device.control.withheld import LASTS
 from haptic_device.nodes.driver_diagnostics import DriverDiagnostics
 from haptic_device.nodes.telemetry import Telemetry
 from haptic_device.realtime.session_clock import SessionClock

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from haptic_device.control.faults import name_of
-from haptic_device.control.withheld import TABLE
-from haptic_device.control.withheld_time import LASTS, SHORT
+from haptic_device.control.withheld import LASTS, SHORT, TABLE
 from haptic_device.digits import UNKNOWN, amount, plain, with_error
 from haptic_device.recording.sequence_gaps import UNKNOWN as NOT_COUNTED
 from haptic_device.recording.status import number

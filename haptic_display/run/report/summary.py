@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from haptic_device.control.exchange_samples import METHODS
 from haptic_device.control.faults import FRESH, name_of
-from haptic_device.control.withheld_time import LASTS, WithheldTime
+from haptic_device.control.withheld import LASTS, WithheldTime
 from haptic_device.recording.bag_contents import Joints, Recording, Records
 from haptic_device.recording.status import number
 from haptic_device.theory.quantity import Array
