@@ -30,6 +30,7 @@ COMMANDS = {  # name: (module with a `main`, what it measures)
     "speed_error": ("bench.methods.speed_error", "wall time against error of every method and peer on every scene"),
     "start": ("bench.servo.start", "the very first start and the next ones"),
     "theory": ("bench.theory", "the passivity condition against closed forms, the μ test, and where walls shake"),
+    "walks": ("bench.walks", "through which files a wall goes to the motor, and a contact to the hand"),
 }
 
 
