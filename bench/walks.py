@@ -35,7 +35,7 @@ port:step > _one_by_one > _drive > tool_side_tank:drive > port:kept_back=SHORT >
 exchange/simulation:exchange > endpoint:exchange > _in_time > answer > _pack > layouts:pack
 endpoint:answer > node/simulation:_turn > __init__=_tool > exchange_server:__init__=tool > _run_rcl=_subscription
 exchange_server:_run_rcl > exchange_loop:run_exchange > exchange_step:take_in > _judge > exchange_samples:judge_tool
-exchange_step:take_in > servo_loop:run_realtime=tool_mail > _take > atomic:collect_whole
+exchange_step:take_in > servo_loop:run_realtime=tool > _take > atomic:collect_whole
 servo_loop:run_realtime > run_tick > servo:tick > exchange_controller:move_set_point
 exchange_controller:move_set_point > _move > exchange_pspm:move_set_point > energy_tank:pay
 energy_tank:pay > _reach_out > set_position:slewed
