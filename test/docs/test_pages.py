@@ -84,7 +84,7 @@ def test_links_and_paths_lead_somewhere():
     for name, text in PAGES.items():
         for target in re.findall(r"\]\((?!https?:)([^)#]+)[^)]*\)|src=\"([^\"]+)\"", text):
             gone += [(name, target)] * (not (ROOT / name).parent.joinpath("".join(target)).exists())
-        for path in re.findall(r"`((?:bench|config|docs|launch|test|haptic_\w+)/[\w./]+\w)`", text):
+        for path in re.findall(r"`((?:bench|config|docs|launch|test|haptic_(?:device|display|sim))/[\w./]+\w)`", text):
             gone += [(name, path)] * (not (ROOT / path).exists())
     assert gone == []
 
