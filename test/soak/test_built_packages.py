@@ -49,7 +49,7 @@ def test_colcon_builds_executables_scenes_and_launch_files_into_their_places(clo
     run(Path(sys.executable).parent / "colcon", "--log-base", "log", "build", folder=clone)
     prefix = clone / "install/haptic_display"
     assert installed_in(prefix) == []
-    assert {path.parent.name for path in prefix.rglob("py.typed")} == {"haptic_device", "haptic_sim"}
+    assert {path.parent.name for path in prefix.rglob("py.typed")} == {"haptic_device", "haptic_display", "haptic_sim"}
     launchers = [prefix / "lib/haptic_display" / name for name in EXECUTABLES]
     assert {path.read_text().splitlines()[0] for path in launchers} == {"#!/usr/bin/env python3"}
     where = f"{sys.executable} -c 'import haptic_sim; print(haptic_sim.__file__)'"
@@ -70,4 +70,4 @@ def test_pip_installs_the_same_files_and_the_commands(clone, tmp_path):
     (described,) = prefix.rglob("METADATA")
     head, _, body = described.read_text().partition("\n\n")
     assert "Description-Content-Type: text/markdown" in head and body.startswith("# haptic_display")
-    assert {path.parent.name for path in prefix.rglob("py.typed")} == {"haptic_device", "haptic_sim"}
+    assert {path.parent.name for path in prefix.rglob("py.typed")} == {"haptic_device", "haptic_display", "haptic_sim"}
