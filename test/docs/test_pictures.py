@@ -105,8 +105,9 @@ def test_the_plane_has_the_colours_of_the_page_and_no_picture_one_that_is_not_of
     sheet = (Path(viewer.__file__).parent / "web" / "style.css").read_text(encoding="utf-8")
     light = dict(re.findall(r"--([a-z]+): (#[0-9a-f]{6})", sheet[sheet.index(":root {") : sheet.index("}")]))
     assert {name: light[name] for name in PLANE} == FAMILIES["plane"]
-    pages = [source for source in Path(palette.__file__).parent.rglob("*.py") if source.name not in OF_COLOURS]
-    texts = {source.name: source.read_text(encoding="utf-8") for source in [*pages, Path(gif.__file__)]}
+    folders = [Path(room.__file__).parent for room in (palette, curves)]
+    pages = [source for folder in folders for source in folder.rglob("*.py") if source.name not in OF_COLOURS]
+    texts = {str(source): source.read_text(encoding="utf-8") for source in [*pages, Path(gif.__file__)]}
     assert len(texts) > 20 and [name for name, text in texts.items() if re.search(r"#[0-9a-fA-F]{6}\b", text)] == []
     colours = {value for value in vars(palette).values() if isinstance(value, str) and value.startswith("#")}
     assert {*curves.COLOURS, *(look.colour for look in palette.RUNS)} <= colours
