@@ -20,8 +20,10 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Iterable, Sequence
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import llvmlite.binding
 
@@ -37,7 +39,7 @@ LOOK = 0.1  # [s] between looks at whether a process that waits shall end
 END = 2.0  # [s] for an interrupted `haptic compile` to end by itself
 
 
-def njit(function, **options):
+def njit(function: Any, **options: Any) -> Any:
     """As numba.njit, for a function that kernels call. Division by zero follows IEEE 754, nothing raises."""
     import numba  # .4 s, which a process that calls no kernel does without
 
@@ -45,13 +47,13 @@ def njit(function, **options):
     return numba.njit(function, nogil=True, error_model="numpy", **options)
 
 
-def inlined(function):
+def inlined(function: Callable[..., Any]) -> Any:
     """As njit, for a function of some lines, or one whose constants numba would compile it anew for: it is taken into
     its callers before their types are inferred."""
     return njit(function, inline="always")
 
 
-def kernel(function):
+def kernel(function: Any) -> Any:
     """As njit, for a function that Python calls, in a test at least: kept in the cache.
 
     Given a signature in place of the function, a decorator that compiles for it at once, into a function pointer. Two
@@ -59,11 +61,11 @@ def kernel(function):
     """
     import numba
 
-    numba.config.CACHE_DIR = str(folder())
+    numba.config.CACHE_DIR = str(folder())  # type: ignore[attr-defined]  # numba makes it when it is imported
     return njit(function, cache=True, no_cfunc_wrapper=callable(function))
 
 
-def ensure_compiled(*entries, told=()):
+def ensure_compiled(*entries: str, told: Sequence[int] = ()) -> None:
     """Returns when these entries are in the cache; `haptic compile`, a process of its own, compiles what is not there.
 
     What cannot be compiled there is compiled here when it is called, which then says why. KeyboardInterrupt as soon as
@@ -72,10 +74,10 @@ def ensure_compiled(*entries, told=()):
     if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0" or not (left := missing(entries)):
         return
     command = ending_with_us([*running_module("haptic_display.cli.main"), "compile", *left])
-    silent = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL}
+    none = subprocess.DEVNULL
     with contextlib.ExitStack() as ending:
         with held():
-            process = subprocess.Popen(command, start_new_session=True, env=own_environment(), **silent)
+            process = subprocess.Popen(command, stdin=none, stdout=none, start_new_session=True, env=own_environment())
             ending.callback(_end, process)
         while process.poll() is None and not told:
             time.sleep(LOOK)
@@ -83,7 +85,7 @@ def ensure_compiled(*entries, told=()):
         raise KeyboardInterrupt
 
 
-def _end(process):
+def _end(process: subprocess.Popen[bytes]) -> None:
     """Ends a `haptic compile` that still runs: interrupted, it puts the terminal's cursor back."""
     process.send_signal(signal.SIGINT)
     with contextlib.suppress(subprocess.TimeoutExpired):
@@ -92,7 +94,7 @@ def _end(process):
     process.wait()
 
 
-def missing(entries) -> list[str]:
+def missing(entries: Iterable[str]) -> list[str]:
     """Those of these entries that are not in the cache."""
     return [entry for entry in entries if not (folder() / f"{entry}{DONE}").exists()]
 
@@ -121,7 +123,7 @@ def note() -> str:
 
 
 @functools.cache
-def _place():
+def _place() -> tuple[Path, str]:
     base, own = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache", "haptic_display"), digest()
     try:
         return made(base.expanduser(), own), ""

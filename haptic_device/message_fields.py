@@ -40,17 +40,17 @@ LOCAL_CONTACT = np.dtype([(name, "f8") for name in COMMON + EACH])
 """A point of `local_contacts`: what the whole set says, and one contact. A message has MOST of them."""
 
 
-def frame_id(namespace, name):
+def frame_id(namespace: str, name: str) -> str:
     """The frame of this name of the display in a namespace: map (of the scene), base_link (of the device; both as in
     REP-105), handle or tool. Two displays share none, unless / and _ are all that their namespaces differ in."""
     return "_".join(filter(None, (*namespace.split("/"), name)))
 
 
-def exchange_names(axes):
+def exchange_names(axes: int) -> tuple[str, ...]:
     """Names of a `handle` or `tool` message with that many axes."""
     return AXES[:axes] + TAIL
 
 
-def truth_names(axes):
+def truth_names(axes: int) -> tuple[str, ...]:
     """Names of `operator/state` with that many axes."""
     return AXES[:axes] + tuple(f"motor_{name}" for name in AXES[:axes]) + ("energy_given", "time", "motion_done")

@@ -7,7 +7,10 @@ import importlib
 import os
 import signal
 import sys
+from collections.abc import Callable, Iterator
+from types import FrameType
 
+Handler = Callable[[int, FrameType | None], object]
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)  # what tells a process to end
 _PR_SET_PDEATHSIG = 1
 _ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
@@ -57,7 +60,7 @@ def say(sentence: str) -> None:
         sys.stderr.flush()
 
 
-def hear(handler) -> None:
+def hear(handler: Handler) -> None:
     """From now on SIGINT, SIGTERM and SIGHUP call handler(number, frame); so do those that `held` kept waiting."""
     for number in ENDING:
         signal.signal(number, handler)
@@ -65,7 +68,7 @@ def hear(handler) -> None:
 
 
 @contextlib.contextmanager
-def handling(handler):
+def handling(handler: Handler) -> Iterator[None]:
     """As `hear`, until the block is over."""
     before = {number: signal.getsignal(number) for number in ENDING}
     hear(handler)
@@ -77,7 +80,7 @@ def handling(handler):
 
 
 @contextlib.contextmanager
-def held():
+def held() -> Iterator[None]:
     """For this thread SIGINT, SIGTERM and SIGHUP wait until the block is over, and for a process that is started in it
     until it hears.
 

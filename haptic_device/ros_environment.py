@@ -52,7 +52,7 @@ def discovery() -> str:
     return f"{_DISCOVERY_SERVER} is {given!r}: nodes hear of each other only if that server runs" if given else ""
 
 
-def _log_folder():
+def _log_folder() -> Path:
     if given := os.environ.get("ROS_LOG_DIR"):
         return Path(given)
     if given := os.environ.get("ROS_HOME"):

@@ -6,7 +6,7 @@ for a scene that it cannot model. The parameter `method`, the scene language, th
 """
 
 import importlib
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 
 class Entry(NamedTuple):
@@ -51,7 +51,7 @@ def offered() -> tuple[str, ...]:
     return tuple(name for name, entry in METHODS.items() if entry.offered)
 
 
-def make(name: str, scene, sub_step: float):
+def make(name: str, scene: Any, sub_step: float) -> Any:
     """Makes a `World` from a scene with the method of this name.
 
     Raises ValueError if there is no such method, or if it cannot model the scene.
