@@ -135,7 +135,7 @@ def wall_problems(axes, values):
 
 
 def gains_from(values, settings):
-    """GAINS record of the coupling, as the exchange ships them; settings: from `settings_from`, for the limits."""
+    """GAINS record of the coupling, as the exchange ships them; settings: for the limits."""
     gains = np.zeros(1, COUPLING_GAINS)
     names = ("stiffness", "damping", "rotational_stiffness", "rotational_damping")
     for name in names:

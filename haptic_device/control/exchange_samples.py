@@ -70,7 +70,7 @@ def judge_tool(sample, axes, peer, own_session, own_sequence, method, gains, now
         return verdict
     if tail[ANSWERED_SESSION] != own_session or not 1.0 <= answered <= own_sequence or answered != math.floor(answered):
         return NOT_MINE
-    verdict = _judge_turn(peer, tail[SESSION], answered, False, now_ns, silence_ns)
+    verdict = _judge_turn(peer, tail[SESSION], answered, peer.number, now_ns, silence_ns)
     return OTHER_GAINS if verdict == ACCEPTED and tail[GAINS] != gains else verdict
 
 
@@ -83,7 +83,8 @@ def judge_handle(sample, axes, peer, method, now_ns, silence_ns):
         return verdict
     if tail[GAINS] != gains_hash(tail[GAIN_0], tail[GAIN_0 + 1], tail[GAIN_0 + 2], tail[GAIN_0 + 3]):
         return OTHER_GAINS
-    return _judge_turn(peer, tail[SESSION], tail[SEQUENCE], True, now_ns, silence_ns)
+    known = peer.number if tail[SESSION] == peer.session else 0.0  # its numbers begin anew with its session
+    return _judge_turn(peer, tail[SESSION], tail[SEQUENCE], known, now_ns, silence_ns)
 
 
 @njit
@@ -108,15 +109,14 @@ def _judge_numbers(sample, axes, method):
 
 
 @njit
-def _judge_turn(peer, session, number, its_own, now_ns, silence_ns):
+def _judge_turn(peer, session, number, known, now_ns, silence_ns):
     """Whether it is this sender's turn: a second one is heard once the first has been silent for silence_ns.
 
-    Numbers only rise; its_own: they count the sender's samples, and begin anew with its session.
+    Numbers only rise; known: the last one.
     """
-    another = session != peer.session
-    if another and peer.session != 0.0 and now_ns - peer.accepted_ns < silence_ns:
+    if session != peer.session and peer.session != 0.0 and now_ns - peer.accepted_ns < silence_ns:
         return SECOND_SENDER
-    return ACCEPTED if number > (0.0 if another and its_own else peer.number) else OLD
+    return ACCEPTED if number > known else OLD
 
 
 @kernel

@@ -32,13 +32,13 @@ class Judgement(NamedTuple):
 
     def into(self, settings):
         """The same SETTINGS array of one, with what is left of the damping."""
-        return _count(settings, *self[:3])
+        return _count(settings, self.lateness, self.margins, self.surplus)
 
 
 def judge(settings, lateness):
-    """The one Judgement of gains where forces act this late [s]; settings: one record of `settings_from`."""
+    """The one Judgement of gains where forces act this late [s]; settings: one record of `settings_unjudged`."""
     by_axis, plane, theta = margins(settings, lateness)
-    sentence = "" if min(plane, theta) > 0.0 else next(_reasons(settings, lateness))
+    sentence = "" if np.min((plane, theta)) > 0.0 else next(_reasons(settings, lateness))
     return Judgement(lateness, by_axis, surplus(settings, lateness), plane, theta, sentence)
 
 
@@ -83,7 +83,7 @@ def margins(settings, lateness):
     cancelled, and returns the smaller results.
 
     Args:
-        settings: one record of `settings_from`.
+        settings: one record of SETTINGS (control/records).
         lateness: how late forces act beyond the nominal period, with the device's delays [s].
 
     Examples:
@@ -181,7 +181,7 @@ def refusal(settings, lateness=0.0):
     """Why the driver refuses these gains, in one sentence; "" where the device's damping covers them.
 
     Args:
-        settings: one record of `settings_from`.
+        settings: one record of SETTINGS (control/records).
         lateness: how late forces act, as in `margins` [s].
 
     Examples:
@@ -203,7 +203,7 @@ def refusals(settings, lateness=0.0, other=None):
 
     other: a lateness [s] for which each says the allowed stiffness too.
     """
-    if min(margins(settings, lateness)[1:]) <= 0.0:
+    if not np.min(margins(settings, lateness)[1:]) > 0.0:  # NaN too
         yield from _reasons(settings, lateness, other)
 
 

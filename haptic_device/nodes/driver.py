@@ -121,16 +121,15 @@ class DriverNode(ManagedNode):
         self.hardware = None
 
     def _check(self, values):
-        """Raises ValueError, one sentence, where values do not fit each other or the device."""
-        if self.hardware is not None:
-            self._checked = self._settings(values)
+        """Settings and Judgement of values, None without a device. ValueError, one sentence, where they do not fit."""
+        return None if self.hardware is None else self._settings(values)
 
-    def _apply(self, values):
-        """Takes the values that were checked last, as they were judged, at the next tick boundary."""
+    def _apply(self, values, checked):
+        """Takes the values as they were judged, at the next tick boundary."""
         self.values = values
-        if self.hardware is None:
+        if checked is None:
             return
-        settings, judged = self._checked
+        settings, judged = checked
         self._warn(judged)
         if self.servo is not None:
             self._version += 1

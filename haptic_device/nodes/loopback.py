@@ -37,7 +37,7 @@ class LoopbackNode(ManagedNode):
         self.create_subscription(messages.JointState, "operator/target", self._on_target, messages.LATEST)
         self.refused_targets, self.realtime = 0, ""
         self._rates = diagnostics.Rates()
-        on_change(self, LOOPBACK, lambda values: None, self._apply)
+        on_change(self, LOOPBACK, lambda values: None, lambda values, _: self._apply(values))
 
     def configure(self):
         """Reads device and script, which may be refused, and takes the shared memory."""

@@ -42,7 +42,7 @@ class Recorder(ManagedNode):
     def __init__(self):
         super().__init__("haptic_recorder", RECORDER)
         trial_of(self.values)
-        on_change(self, RECORDER, trial_of, self._apply)
+        on_change(self, RECORDER, trial_of, lambda values, _: self._apply(values))
         self.topics = RecordedTopics(self)
         self.bag: Bag | None = None
         self._fresh: dict[str, bytes] = {}  # attachments that the present bag does not hold yet

@@ -3,6 +3,7 @@
 
 import sys
 from collections.abc import Callable, Iterable, Sized
+from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
@@ -32,16 +33,17 @@ def declare(node: Node, parameters: Iterable[Parameter]) -> dict:
 
 
 def on_change(
-    node: Node, parameters: Iterable[Parameter], check: Callable[[dict], None], apply: Callable[[dict], None]
+    node: Node, parameters: Iterable[Parameter], check: Callable[[dict], Any], apply: Callable[[dict, Any], None]
 ) -> None:
-    """Calls check with all values, wished ones merged in, before a live change, and apply with the same after it.
+    """Calls check with all values, wished ones merged in, before a live change; after it apply, with these and what
+    check gave.
 
     check changes nothing; its ValueError refuses the request, all of it. apply must take what check let pass. A request
     of more than MOST_AT_ONCE entries is refused before any of them is looked at. Integers are taken for doubles, as
     `ros2 param set` sends 1500 for 1500.0.
     """
     declared = {parameter.name: parameter for parameter in parameters}
-    owner, checked = f"a parameter of {node.get_name()}", {}
+    owner, checked = f"a parameter of {node.get_name()}", []
 
     def why_not(change):
         """The sentence that refuses one change by itself, in place of rclpy's; "" if there is none."""
@@ -59,15 +61,14 @@ def on_change(
         try:
             if wished and not sentence:
                 merged = _merged(node, declared, wished)
-                check(merged)
-                checked.update(merged)  # each time with all values
+                checked[:] = merged, check(merged)
         except ValueError as error:
             sentence = str(error)
         return SetParametersResult(successful=not sentence, reason=sentence)
 
     def take(changes):
         if any(change.name in declared for change in changes):
-            apply(dict(checked))
+            apply(*checked)
 
     def typed(changes):
         return [_typed(change, declared.get(change.name)) for change in changes]

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic check FILE...`: says whether configuration files are right, before anything moves; --verify: of scenes, by
-measuring."""
+"""`haptic check FILE...`: says whether configuration files are right, before any moves; --verify measures scenes."""
 
 import functools
 from collections.abc import Callable
@@ -87,7 +86,7 @@ def verify_scenes(given: list[str], out: Path | None, measure: Callable | None =
 
     if out and not out.parent.is_dir():
         raise ValueError(f"--out is {out}, but there is no folder {out.parent}")
-    scenes = {name: load(name) for name in (names("scenes") if given == [ALL] else given)}
+    scenes = {name: load(name) for name in (names("scenes") if ALL in given else given)}
     known, found = read(out) if out else [], []
     whole = _measure(scenes, found, measure or (lambda name: verify(case_of(name))))
     assessments = [assessment_of(scenes[name], row) for name, row in found]

@@ -68,7 +68,8 @@ def programs_of(order: Order) -> list[Program]:
     if order.device:
         given["haptic_driver"]["device"] = given[LOOPBACK]["device"] = str(find("devices", order.device).absolute())
     _refuse_bad_devices(given, order.params)
-    needs = needs_of(scene, given[LOOPBACK].get("device", ""), (order.params,))  # that of the driver, if it has none
+    simulated = given[LOOPBACK].get("device") or given["haptic_driver"].get("device", "")  # that of the driver, if none
+    needs = needs_of(scene, simulated)
     device = {"device": needs.device} if needs.device else {}
     given[LOOPBACK] = ({} if _moved_by_file(said, scene) else needs.motion) | given[LOOPBACK] | device
     programs = []

@@ -57,7 +57,12 @@ class SimulationNode(ManagedNode):
         beside = ReentrantCallbackGroup()  # while it waits for its world others are served
         self.create_service(Trigger, "~/load_scene", self._on_load_scene, callback_group=beside)
         self.create_service(SetBool, "~/pause", self._on_pause)
-        on_change(self, NODES["haptic_simulation"], lambda values: load(values["scene"]), self._apply)
+        on_change(
+            self,
+            NODES["haptic_simulation"],
+            lambda values: load(values["scene"]),
+            lambda values, _: self._apply(values),
+        )
 
     def configure(self) -> None:
         """Loads the scene."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a scene needs to be felt: the launch file, `haptic demo` and the page ask here, and nowhere else.
+"""What a scene needs to be felt: launch file, `haptic demo` and page ask `needs_of`, tools for devices `served_by`.
 
 Needs no library but PyYAML: the launch file has no other.
 """

@@ -153,8 +153,13 @@ def taker(make_node):
         taker.checked.append(values)
         if values["wall.stiffness"] > 2000.0:
             raise ValueError(f"wall.stiffness is {values['wall.stiffness']} N/m; at most 2000.0 N/m is passive")
+        return values["wall.stiffness"]
 
-    on_change(node, PARAMETERS, check, taker.applied.append)
+    def apply(values, judged):
+        assert judged == values["wall.stiffness"], "what is applied comes with what its own check said"
+        taker.applied.append(values)
+
+    on_change(node, PARAMETERS, check, apply)
     return taker
 
 
@@ -183,13 +188,20 @@ def test_of_a_request_with_one_refused_parameter_nothing_is_taken(taker):
 
 
 def test_a_request_that_another_callback_refuses_is_not_applied(make_node):
-    node, checked, applied = make_node(), [], []
+    node, checked, applied, open_to = make_node(), [], [], []
     declare(node, PARAMETERS)
-    refusal = SetParametersResult(successful=False, reason="not now")
-    node.add_on_set_parameters_callback(lambda changes: refusal)  # asked after the later one
-    on_change(node, PARAMETERS, checked.append, applied.append)
+    answers = [SetParametersResult(successful=True), SetParametersResult(successful=False, reason="not now")]
+    node.add_on_set_parameters_callback(lambda changes: answers[not open_to])  # asked after the later one
+    on_change(
+        node,
+        PARAMETERS,
+        lambda values: checked.append(values) or len(checked),
+        lambda _, judged: applied.append(judged),
+    )
     assert change(node, "wall.stiffness", 300.0).reason == "not now"
     assert (len(checked), applied) == (1, [])
+    open_to.append(True)
+    assert change(node, "wall.stiffness", 300.0).successful and applied == [2]
 
 
 def test_what_is_applied_is_what_the_node_says_it_has(taker):
