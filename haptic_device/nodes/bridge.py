@@ -19,15 +19,11 @@ from haptic_device.config.link_registry import SERVED, UdpOptions
 from haptic_device.config.parameters import BRIDGE, BRIDGE_FIGURES
 from haptic_device.jit import ensure_compiled
 from haptic_device.link import bridge_loop, clock_fit, codec, line
-from haptic_device.message_fields import AXES
-from haptic_device.nodes import diagnostics, messages
-from haptic_device.nodes.lifecycle import ManagedNode, run
-from haptic_device.nodes.truth_publisher import TruthPublisher
-from haptic_device.realtime import scheduling
+from haptic_device.nodes import diagnostics
+from haptic_device.nodes.lifecycle import run
+from haptic_device.nodes.page_server import PageServer
 from haptic_device.realtime.seqlock import SeqLock
-from haptic_device.realtime.shared_memory import DEVICE, SharedMemory, file_name
 
-PRIORITY = 85  # above the servo, which waits for what it passes on
 SAME = 1e-3  # relative, within which two numbers are the same
 REOPEN = 0.2  # [s] between tries to open a line that is not there
 TARGET = np.dtype([("place", "f8", (3,))])
@@ -37,17 +33,14 @@ HOLDS = "this device holds its last motor value where haptic_bridge is killed or
 OPEN = {False: line.open_serial, True: line.open_udp}
 
 
-class BridgeNode(ManagedNode):
+class BridgeNode(PageServer):
     """Configured it holds the page and has tried the line, active it serves the servo."""
 
     def __init__(self):
-        super().__init__("haptic_bridge", BRIDGE)
-        self.shared = self._codec = self._thread = self._opener = None
-        self._control, self._truth = np.zeros(bridge_loop.CONTROLS, np.int64), TruthPublisher(self)
-        self._target = SeqLock(TARGET)
-        self.create_subscription(messages.JointState, "operator/target", self._on_target, messages.LATEST)
-        self.refused_targets, self.reopened, self.realtime, self._why = 0, 0, "", ""
-        self._rates = diagnostics.Rates()
+        super().__init__("haptic_bridge", BRIDGE, bridge_loop.CONTROLS)
+        self._codec = self._opener = None
+        self._descriptor, self._target = -1, SeqLock(TARGET)
+        self.reopened, self._why = 0, ""
 
     def configure(self):
         """Reads the device, opens its line, both of which may be refused, and takes the shared memory."""
@@ -60,73 +53,56 @@ class BridgeNode(ManagedNode):
         self.options = pointed(self.device.link.options, self.values["port"])
         self._codec = self.device.link.module.codec(self.options, self.device)
         self._descriptor = self._open()
-        self.shared = SharedMemory(file_name(self.context.get_domain_id(), self.get_namespace()), DEVICE)
-        if self.shared.stale:
-            self.get_logger().warning(f"took over the stale page {self.shared.path} of a process that had died")
+        self.take_page()
 
     def activate(self):
         """Starts the loop, and what opens the line again where it is lost."""
-        self._control[:], self._refused = 0, None
+        self._control[:] = 0
         self._control[bridge_loop.WATCHDOG] = round(1e9 * self.values["motor_watchdog"])
         self._control[bridge_loop.ASKS] = self._codec.asks
         self._control[bridge_loop.DATAGRAM] = self._codec.datagram
         if self._descriptor < 0:  # it was active before: what came since is no answer to what is asked now
             self._descriptor = self._open()
         self._control[bridge_loop.FD] = self._descriptor
-        self._ready, self._ending = threading.Event(), threading.Event()
-        self._thread = threading.Thread(target=self._serve, name="bridge")
-        self._thread.start()
-        self._ready.wait()
-        if self._refused is not None:
-            raise self._refused
+        self.start_loop("bridge")
+        self._ending = threading.Event()
         self._opener = threading.Thread(target=self._keep_open, name="line")
         self._opener.start()
-        self._truth.start(len(self.device.axes), self.values["publish.rate"])
-        where = f"{self.get_namespace()}, domain {self.context.get_domain_id()}"
         if self._codec.asks and not self._codec.state[codec.WATCHDOG]:
             self.get_logger().warning(HOLDS)
-        self.get_logger().info(f"serving {self.device.name} on {address(self.options)} in {where}; {self.realtime}")
+        self.get_logger().info(
+            f"serving {self.device.name} on {address(self.options)} in {self.where}; {self.realtime}"
+        )
 
     def deactivate(self):
         """Stops them; the last that the device is told is a motor value of zero."""
         self._control[bridge_loop.STOP] = 1  # first: whatever else fails, the loop takes the motor back
-        if self._thread is not None:
-            self._thread.join()
+        self.stop_loop()
+        if self._opener is not None:
             self._ending.set()
-            if self._opener is not None:
-                self._opener.join()
-        self._truth.stop()
-        self._thread = self._opener = None
+            self._opener.join()
+        self._opener = None
         self._close()
 
     def cleanup(self):
         """Lets line and shared memory go."""
         self._close()
-        if self.shared is not None:
-            self.shared.close()
-        self.shared = None
+        super().cleanup()
 
     def _open(self):
         return OPEN[isinstance(self.options, UdpOptions)](self.options)
 
     def _close(self):
-        descriptor, self._descriptor = getattr(self, "_descriptor", -1), -1
+        descriptor, self._descriptor = self._descriptor, -1
         if descriptor >= 0:
             with contextlib.suppress(OSError):
                 os.close(descriptor)
 
-    def _serve(self):
-        mails = self._truth.mail.words, self._target.words
-        try:
-            loop = bridge_loop.compiled()
-            self.realtime = scheduling.go_realtime(self.values["realtime"], PRIORITY)
-        except Exception as error:
-            self._refused = error
-            return
-        finally:
-            self._ready.set()
-        said = self._codec
-        loop(said.encode, said.decode, said.state, self.shared.words, self._control, *mails, secrets.randbits(48) | 1)
+    def loop(self):
+        """From line to page and back."""
+        said, mails = self._codec, (self._truth.mail.words, self._target.words)
+        coding, page = (said.encode, said.decode, said.state), (self.shared.words, self._control)
+        return bridge_loop.compiled(), (*coding, *page, *mails, secrets.randbits(48) | 1)
 
     def _keep_open(self):
         """Opens the line again where the loop has lost it; what keeps it from that is said once."""
@@ -145,18 +121,13 @@ class BridgeNode(ManagedNode):
             self._control[bridge_loop.FD] = self._descriptor
             self.get_logger().warning(f"{address(self.options)} is open again")
 
-    def _on_target(self, message):
-        """Takes a target in the world for the hand of a simulated device; else it is refused and counted."""
-        names = AXES[: len(self.device.axes)] if self.shared else ()
-        target = messages.planar_target(message, names)
-        if target is None or not self._codec.state[codec.SIMULATED]:
-            self.refused_targets += 1
-            return
-        place = np.zeros(1, TARGET)
-        for i, axis in enumerate(self.device.axes):
-            low, high = axis.workspace
-            place["place"][0, i] = min(high, max(low, target[i] / self.device.scale[i // 2]))
-        self._target.put(place)
+    def lead(self, places):
+        """Only the hand of a simulated device follows."""
+        if following := self._codec.state[codec.SIMULATED]:
+            place = np.zeros(1, TARGET)
+            place["place"][0, : len(places)] = places
+            self._target.put(place)
+        return following
 
     def diagnose(self):
         """Says how line and device are, while the node is active."""

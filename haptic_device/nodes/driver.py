@@ -202,9 +202,8 @@ class DriverNode(ManagedNode):
             return
         if not self._announced:
             self._announced = True
-            where = f"{self.get_namespace()}, domain {self.context.get_domain_id()}"
             what = f"servo at {self.values['servo.rate']:g} Hz on {self.device.name}"
-            self.get_logger().info(f"{what} in {where}; {self.servo.realtime}")
+            self.get_logger().info(f"{what} in {self.where}; {self.servo.realtime}")
         row = self.servo.row.get()[0]
         if self._reported != (news := (int(row.state), int(row.fault), self.report.fault_detail(row))):
             self._reported = news

@@ -63,6 +63,15 @@ class ManagedNode(Node):
         threading.excepthook = threading.__excepthook__
         super().destroy_node()
 
+    @property
+    def where(self):
+        """Namespace and domain, as they are said."""
+        return f"{self.get_namespace()}, domain {self.context.get_domain_id()}"
+
+    def take_values(self, values):
+        """Takes changed values, where nothing else is to be done about them."""
+        self.values = values
+
     def diagnose(self):
         """Says how the node is (`say_status`); called each DIAGNOSTICS_PERIOD."""
 
@@ -102,10 +111,7 @@ class ManagedNode(Node):
         self.finish()
         return TransitionCallbackReturn.SUCCESS
 
-    def on_error(self, state):
-        """After a transition that failed as nobody foresaw: stops and lets everything go, unconfigured again."""
-        self.finish()
-        return TransitionCallbackReturn.SUCCESS
+    on_error = on_shutdown  # after a transition that failed as nobody foresaw: unconfigured again
 
     def _on_change_state(self, change, request, response):
         """Answers also where the node's state has no such transition, as a second `activate` of an active node."""

@@ -42,7 +42,7 @@ class Recorder(ManagedNode):
     def __init__(self):
         super().__init__("haptic_recorder", RECORDER)
         trial_of(self.values)
-        on_change(self, RECORDER, trial_of, lambda values, _: self._apply(values))
+        on_change(self, RECORDER, trial_of, self.take_values)
         self.topics = RecordedTopics(self)
         self.bag: Bag | None = None
         self._fresh: dict[str, bytes] = {}  # attachments that the present bag does not hold yet
@@ -170,9 +170,6 @@ class Recorder(ManagedNode):
         tracks = self.topics.tracks.items()
         others = {f"not recorded {topic}": track.stranger for topic, track in tracks if track.stranger}
         return {f"lost {topic}": track.losses for topic, track in tracks if track.channel} | others
-
-    def _apply(self, values: dict) -> None:
-        self.values = values
 
     def _on_answer(self, node: str, values: dict) -> None:
         """Attaches a node's parameters, and the files that they name."""
