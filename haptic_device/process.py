@@ -52,6 +52,19 @@ def own_environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join([_ROOT, *([others] if others else [])])}
 
 
+@contextlib.contextmanager
+def environment(settings: dict[str, str]):
+    """This environment has these settings until the block is over."""
+    before = {name: os.environ.get(name) for name in settings}
+    os.environ.update(settings)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name)
+            os.environ |= {} if value is None else {name: value}
+
+
 def say(sentence: str) -> None:
     """Writes a line to standard error, if there is one, whole: where nothing is buffered `print` writes its end apart,
     and what another thread logs can come between."""

@@ -17,6 +17,8 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from pathlib import Path
 
+from haptic_device.process import environment
+
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 KINDS = ("haptic_driver", "haptic_loopback", "haptic_simulation", "haptic_recorder")
 AS = {"haptic_bridge": "haptic_loopback"}  # of the two only one can serve a display
@@ -39,15 +41,10 @@ def own_participant_id(kind: str) -> Iterator[None]:
     if profiles is None:
         yield
         return
-    with tempfile.NamedTemporaryFile(suffix=".xml") as file:
+    with tempfile.NamedTemporaryFile(suffix=".xml") as file, environment({PROFILES: file.name}):
         file.write(profiles)
         file.flush()
-        os.environ[PROFILES] = file.name
-        try:
-            yield
-        finally:
-            os.environ.pop(PROFILES)
-            os.environ |= {PROFILES: given} if given else {}
+        yield
 
 
 def free_ids(kind: str) -> list[int]:

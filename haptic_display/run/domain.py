@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from haptic_device import ros_environment
+from haptic_device.process import environment
 
 _PORT_BASE = 32768  # the port whose owner owns the domain, as ROS 2's domain_coordinator has it
 _DOMAINS = range(1, 101)
@@ -42,7 +43,7 @@ def isolated_domain(folder: Path) -> Iterator[int]:
         settings = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": str(domain)}
         if _PROFILES not in os.environ:
             settings[_PROFILES] = _write_profile(folder)
-        stack.enter_context(_environment(settings))
+        stack.enter_context(environment(settings))
         yield domain
 
 
@@ -64,17 +65,3 @@ def _write_profile(folder: Path) -> str:
     profile = folder / "discovery.xml"
     profile.write_text(_QUICK)
     return str(profile.absolute())
-
-
-@contextlib.contextmanager
-def _environment(settings: dict[str, str]) -> Iterator[None]:
-    before = {name: os.environ.get(name) for name in settings}
-    os.environ.update(settings)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
