@@ -73,8 +73,7 @@ class ExchangeServer:
 
     def refusals(self):
         """{reason: count} of tool messages refused so far."""
-        counts = self.watch[exchange_step.REFUSED : exchange_step.REFUSED + len(law.REFUSALS)]
-        return {reason: int(count) for reason, count in zip(law.REFUSALS, counts, strict=True) if count}
+        return self._counts(exchange_step.REFUSED, law.REFUSALS)
 
     @property
     def contact_sets(self):
@@ -82,8 +81,10 @@ class ExchangeServer:
 
     def refused_contacts(self):
         """{reason: count} of sets of local contacts refused so far."""
-        counts = self.watch[exchange_step.UNSEEN : exchange_step.UNSEEN + len(contact_model.REFUSALS)]
-        return {reason: int(count) for reason, count in zip(contact_model.REFUSALS, counts, strict=True) if count}
+        return self._counts(exchange_step.UNSEEN, contact_model.REFUSALS)
+
+    def _counts(self, first, reasons):
+        return {reason: int(count) for reason, count in zip(reasons, self.watch[first:], strict=False) if count}
 
     def round_trips(self):
         """Percentiles 50 and 99 of the times from composing a handle sample to its answer [ns], lately; NaN: none."""

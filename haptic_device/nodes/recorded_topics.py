@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from haptic_device.nodes.messages import STATE, TRACE
+from haptic_device.nodes.messages import STATE, STREAM, TRACE
 from haptic_device.nodes.polled_subscription import PolledSubscription, Sample
 from haptic_device.nodes.transforms import TFMessage
 from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, POSE, STRING, WRENCH
@@ -98,10 +98,10 @@ class RecordedTopics:
     def join_known(self, depth: int) -> None:
         """Joins those that are known, with queues of this depth."""
         for topic, type_name in KNOWN.items():
-            offered = _QOS.get(topic)
-            reliability = offered.reliability if offered else ReliabilityPolicy.BEST_EFFORT
-            durability = offered.durability if offered else DurabilityPolicy.VOLATILE
-            self._join(topic, type_name, QoSProfile(depth=depth, reliability=reliability, durability=durability))
+            qos = _QOS.get(topic, STREAM)
+            self._join(
+                topic, type_name, QoSProfile(depth=depth, reliability=qos.reliability, durability=qos.durability)
+            )
 
     def discover(self, depth: int) -> None:
         """Joins what else there is by now, and joins again where a publisher does not reach us; counts publishers."""
