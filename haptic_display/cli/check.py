@@ -32,7 +32,7 @@ def _scene(incomplete: str) -> list[str]:
 
 def check(
     files: Annotated[list[Path], typer.Argument(help=_FILES, autocompletion=_scene)],
-    lateness: Annotated[float | None, number("--lateness", "ms", 0.0, 100.0, help=_LATENESS)] = None,
+    lateness: Annotated[float | None, number("ms", 0.0, 100.0, help=_LATENESS)] = None,
     measured: Annotated[bool, typer.Option("--verify", help=_VERIFY)] = False,
     out: Annotated[Path | None, typer.Option(help=_OUT)] = None,
 ) -> None:

@@ -19,7 +19,7 @@ def compare(
     bag: Annotated[Path, typer.Argument(help="Bag folder or .mcap file with the hand's motion.")],
     points: Annotated[list[str], typer.Argument(help=_POINTS, autocompletion=shipped(""))],
     as_: Annotated[As, typer.Option("--as", help="The hand's target, or the device's own position.")] = As.target,
-    delay: Annotated[float, number("--delay", "s", 0.0, 10.0, help="Delay of the exchange there and back [s].")] = 0.0,
+    delay: Annotated[float, number("s", 0.0, 10.0, help="Delay of the exchange there and back [s].")] = 0.0,
     out: Annotated[Path | None, typer.Option(help="New folder for the bags and the report.")] = None,
     namespace: Annotated[str | None, typer.Option(help="Where the bag holds several devices.")] = None,
 ) -> None:

@@ -39,20 +39,20 @@ _SECONDS = "Length from the first motor command on; without it the run ends with
 
 def demo(
     scene: Annotated[str | None, typer.Option(help=_SCENE, autocompletion=shipped("scenes"))] = None,
-    seconds: Annotated[float | None, number("--seconds", "s", 0.5, 3600.0, help=_SECONDS)] = None,
+    seconds: Annotated[float | None, number("s", 0.5, 3600.0, help=_SECONDS)] = None,
     out: Annotated[Path | None, typer.Option(help="New folder of the run [haptic_runs/SCENE-TIME].")] = None,
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output, no table.")] = False,
     everything: Annotated[bool, typer.Option("--all", help="Print every figure, not only the main ones.")] = False,
     exchange: Annotated[str | None, typer.Option(help=_EXCHANGE, autocompletion=exchange_method)] = None,
-    rate: Annotated[float | None, number("--rate", "Hz", 500.0, 10000.0, help="Servo rate [Hz].")] = None,
+    rate: Annotated[float | None, number("Hz", 500.0, 10000.0, help="Servo rate [Hz].")] = None,
     params: Annotated[str, typer.Option(help=_PARAMS, autocompletion=shipped(""))] = "demo",
     device: Annotated[str | None, typer.Option(help=_DEVICE, autocompletion=shipped("devices"))] = None,
-    delay: Annotated[float, number("--delay", "ms", 0.0, 2000.0, help=_DELAY)] = 0.0,
-    jitter: Annotated[float, number("--jitter", "ms", 0.0, 2000.0, help=_JITTER)] = 0.0,
-    loss: Annotated[float, number("--loss", "", 0.0, 1.0, help=_LOSS)] = 0.0,
+    delay: Annotated[float, number("ms", 0.0, 2000.0, help=_DELAY)] = 0.0,
+    jitter: Annotated[float, number("ms", 0.0, 2000.0, help=_JITTER)] = 0.0,
+    loss: Annotated[float, number("", 0.0, 1.0, help=_LOSS)] = 0.0,
     view: Annotated[bool, typer.Option("--view", help="Open a web page on which the mouse is the hand.")] = False,
     host: Annotated[str, typer.Option(help="Address of that page; beyond this machine it warns.")] = "127.0.0.1",
-    port: Annotated[int, whole("--port", 0, 65535, help="Its TCP port; 0: any that is free.")] = HOME_PORT,
+    port: Annotated[int, whole(0, 65535, help="Its TCP port; 0: any that is free.")] = HOME_PORT,
 ) -> None:
     """Run device, driver, simulation and recorder on a scene. Exit code 0 only if the job was done."""
     started, order = time.monotonic() - (time.time() - psutil.Process().create_time()), None
@@ -223,11 +223,6 @@ def _evaluate(order: Order, started: float) -> dict:
     return found | {"report": str(report)}
 
 
-def _say_next(order: Order, found: dict) -> None:
-    shows = found["bag"] and found["exchange"]
-    next_step(f"haptic report {shown_path(found['bag'])}" if shows else f"read {shown_path(order.out / 'log')}")
-
-
 def _conclude(order: Order, found: dict, unended: str, wrong: list[str], as_json: bool, everything: bool) -> bool:
     from haptic_display.cli.tables import print_outcome
     from haptic_display.run.outcome import ANSWERED, not_done, nothing, task_of
@@ -245,7 +240,8 @@ def _conclude(order: Order, found: dict, unended: str, wrong: list[str], as_json
     found = {"scene": order.scene, "done": not why, "why": why, **found, "bag": str(bag) if bag.exists() else None}
     if as_json:
         print(json_text.dumps(found))
-    else:
-        print_outcome(found, everything)
-        _say_next(order, found)
+        return not why
+    print_outcome(found, everything)
+    shows = found["bag"] and found["exchange"]
+    next_step(f"haptic report {shown_path(found['bag'])}" if shows else f"read {shown_path(order.out / 'log')}")
     return not why

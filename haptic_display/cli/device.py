@@ -11,9 +11,10 @@ from typing import Annotated
 
 import typer
 
+from haptic_device.process import say
 from haptic_display.cli.completion import shipped
 from haptic_display.cli.numbers import number, whole
-from haptic_display.cli.words import console, next_step, refused, shown_path
+from haptic_display.cli.words import console, next_step, refused, shown_path, table
 
 device = typer.Typer(no_args_is_help=True, help="A device of your own: find it, look at it, describe it, test it.")
 PAUSE = 0.2  # [s] between two looks
@@ -25,17 +26,17 @@ _BEGIN = "Description to begin with, which has the link and the limits."
 _DOMAIN = "ROS domain in which haptic_bridge or haptic_loopback runs, and no driver; else it is started here."
 _NAMESPACE = "Namespace of the device that runs."
 _JSON = "Print one JSON object instead of a table."
+_WATCH = "Wait for a device that is plugged in; tell which it is."
+_MOTOR = "Motor value that x is given meanwhile (motor units)."
 
 
 @device.command()
 def find(
     udp: Annotated[list[str] | None, typer.Option(help="HOST:PORT of UDP to be asked too; may be repeated.")] = None,
-    baud: Annotated[int, whole("--baud", 1200, 4_000_000, help="Speed of a serial line; USB CDC has none.")] = 115200,
-    wait: Annotated[float, number("--wait", "s", 0.1, 60.0, help="Time to answer, of each port (s).")] = 1.0,
+    baud: Annotated[int, whole(1200, 4_000_000, help="Speed of a serial line; USB CDC has none.")] = 115200,
+    wait: Annotated[float, number("s", 0.1, 60.0, help="Time to answer, of each port (s).")] = 1.0,
     silent: Annotated[bool, typer.Option("--silent", help="Send nothing to any port.")] = False,
-    watch: Annotated[
-        bool, typer.Option("--watch", help="Wait for a device that is plugged in; tell which it is.")
-    ] = False,
+    watch: Annotated[bool, typer.Option("--watch", help=_WATCH)] = False,
     as_json: Annotated[bool, typer.Option("--json", help=_JSON)] = False,
 ) -> None:
     """Which devices are connected, what answers, and why nothing does. Exit code 1: nothing answered."""
@@ -51,9 +52,7 @@ def find(
         ensure_compiled("bridge")  # whose coding of frames is used: else the time to answer would pass meanwhile
         if watch:
             typer.echo("unplug the device and plug it in again; Ctrl-C ends", err=True)
-            port = device_search.plugged(
-                serial_ports.ports, lambda said: typer.echo(said, err=True), lambda: time.sleep(PAUSE)
-            )
+            port = device_search.plugged(serial_ports.ports, say, lambda: time.sleep(PAUSE))
             time.sleep(SETTLES)
             again = next((one for one in serial_ports.ports() if one.path == port.path), port)
             found = [device_search.found_at(again, serial_ports.grabber(), baud, wait, not silent)]
@@ -87,7 +86,7 @@ def _print_found(found):
 
 @device.command(short_help="How the connected device is, live.")
 def show(
-    domain: Annotated[int | None, whole("--domain", 0, 232, help="ROS domain [ROS_DOMAIN_ID, or 0].")] = None,
+    domain: Annotated[int | None, whole(0, 232, help="ROS domain [ROS_DOMAIN_ID, or 0].")] = None,
     namespace: Annotated[str | None, typer.Option(help="Namespace of the display [/haptic].")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Listen for 2 s, print one JSON object, end.")] = False,
 ) -> None:
@@ -128,15 +127,9 @@ def _live(watched, domain):
 
 
 def _figures(figures, domain):
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(
-        "figure", "", "unit", title=f"device in ROS domain {domain}", caption=None if figures else "nothing heard yet"
-    )
-    for name, (value, unit) in figures.items():
-        table.add_row(Text(name), Text(value), Text(unit))
-    return table
+    rows = ((name, *told) for name, told in figures.items())
+    caption = None if figures else "nothing heard yet"
+    return table(("figure", "", "unit"), rows, title=f"device in ROS domain {domain}", caption=caption)
 
 
 @device.command("set-up", short_help="Describe a device by moving its handle.")
@@ -144,10 +137,8 @@ def set_up(
     name: Annotated[str, typer.Argument(help=_BEGIN, autocompletion=shipped("devices"))],
     out: Annotated[Path, typer.Option(help="Device description to write.")] = Path("device.yaml"),
     answers: Annotated[Path | None, typer.Option(help="YAML file of answers; nobody is asked then.")] = None,
-    push: Annotated[
-        float, number("--push", "motor units", 0.001, 1.0, help="Most that a motor is given (motor units).")
-    ] = 0.01,
-    domain: Annotated[int | None, whole("--domain", 0, 232, help=_DOMAIN)] = None,
+    push: Annotated[float, number("motor units", 0.001, 1.0, help="Most that a motor is given (motor units).")] = 0.01,
+    domain: Annotated[int | None, whole(0, 232, help=_DOMAIN)] = None,
     namespace: Annotated[str | None, typer.Option(help=_NAMESPACE)] = None,
 ) -> None:
     """Describe a device by moving its handle: signs, counts per unit, zero, workspace, motor signs."""
@@ -199,10 +190,8 @@ def _refuse_file(out):
 @device.command()
 def test(
     name: Annotated[str, typer.Argument(help=_NAME, autocompletion=shipped("devices"))] = "desktop",
-    motor: Annotated[
-        float, number("--motor", "motor units", 0.0, 1.0, help="Motor value that x is given meanwhile (motor units).")
-    ] = 0.01,
-    domain: Annotated[int | None, whole("--domain", 0, 232, help=_DOMAIN)] = None,
+    motor: Annotated[float, number("motor units", 0.0, 1.0, help=_MOTOR)] = 0.01,
+    domain: Annotated[int | None, whole(0, 232, help=_DOMAIN)] = None,
     namespace: Annotated[str | None, typer.Option(help=_NAMESPACE)] = None,
     as_json: Annotated[bool, typer.Option("--json", help=_JSON)] = False,
 ) -> None:
@@ -211,23 +200,14 @@ def test(
 
     with refused("device test"), device_page.opened(name, domain, namespace) as page:
         typer.echo(f"the motor of x is given {motor:g} motor units for some seconds: leave the handle", err=True)
-        results = conformance.check_all(page, lambda told: typer.echo(f"trying: {told}", err=True), motor)
+        results = conformance.check_all(page, lambda told: say(f"trying: {told}"), motor)
     if as_json:
         typer.echo(json.dumps({"checks": [result._asdict() for result in results]}))
     else:
-        console().print(_results(results))
+        verdicts = {True: ("kept", "green"), False: ("NOT kept", "bold red")}
+        rows = ((one.name, verdicts[bool(one.passed)], one.figure or one.sentence) for one in results)
+        console().print(table(("promise", "", "measured, or why not"), rows))
     kept = all(result.passed for result in results)
     if kept and not as_json:
         next_step(f"haptic demo --scene wall --seconds 20 --device {shown_path(name)}")
     raise typer.Exit(0 if kept else 1)
-
-
-def _results(results):
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table("promise", "", "measured, or why not")
-    for result in results:
-        verdict = Text("kept", "green") if result.passed else Text("NOT kept", "bold red")
-        table.add_row(Text(result.name), verdict, Text(result.figure or result.sentence))
-    return table

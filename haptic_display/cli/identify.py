@@ -10,10 +10,11 @@ import typer
 from haptic_device.digits import with_error
 from haptic_display.cli.completion import shipped
 from haptic_display.cli.numbers import number, whole
-from haptic_display.cli.words import console, next_step, refused, shown_path
+from haptic_display.cli.words import console, next_step, refused, shown_path, table
 
 _DEVICE = "Device description that the driver has, the beginning of the search (a name in config/devices or a file)."
 _TORQUE = "Largest torque of the shaking about theta (N m) [a twentieth of its motor's]."
+_RATE = "Servo rate of a driver that is started here (Hz)."
 _LOOPBACK = "Description of the loopback that is started, if it is to be another device."
 _DOMAIN = "Identify the driver that runs in this ROS domain, with nobody holding the handle."
 
@@ -26,13 +27,11 @@ def identify(
     out: Annotated[Path, typer.Option(help="Device description to write.")] = Path("identified.yaml"),
     device: Annotated[str, typer.Option(help=_DEVICE, autocompletion=shipped("devices"))] = "desktop",
     loopback: Annotated[str | None, typer.Option(help=_LOOPBACK, autocompletion=shipped("devices"))] = None,
-    seconds: Annotated[float, number("--seconds", "s", 3.0, 600.0, help="How long it is shaken (s).")] = 8.0,
-    force: Annotated[float, number("--force", "N", help="Largest force of the shaking on each axis (N).")] = 3.0,
-    torque: Annotated[float | None, number("--torque", "N m", help=_TORQUE)] = None,
-    rate: Annotated[
-        float, number("--rate", "Hz", 500.0, 10000.0, help="Servo rate of a driver that is started here (Hz).")
-    ] = 4000.0,
-    domain: Annotated[int | None, whole("--domain", 0, 232, help=_DOMAIN)] = None,
+    seconds: Annotated[float, number("s", 3.0, 600.0, help="How long it is shaken (s).")] = 8.0,
+    force: Annotated[float, number("N", help="Largest force of the shaking on each axis (N).")] = 3.0,
+    torque: Annotated[float | None, number("N m", help=_TORQUE)] = None,
+    rate: Annotated[float, number("Hz", 500.0, 10000.0, help=_RATE)] = 4000.0,
+    domain: Annotated[int | None, whole(0, 232, help=_DOMAIN)] = None,
     namespace: Annotated[str | None, typer.Option(help="Namespace of the running driver.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
 ):
@@ -57,23 +56,19 @@ def _refuse_folder(out):
 
 
 def _show(report):
-    from rich.markup import escape
-    from rich.table import Table
+    from rich.table import Column
 
     from haptic_display.device_tools.identification import UNITS
 
     axes = report["axes"]
-    table = Table("", title=report["device"])
-    for axis in axes:
-        table.add_column(axis, no_wrap=True)
+    rows = []
     for name, (unit, turning) in UNITS.items():
         prefix, scale = PREFIX.get(name, ("", 1.0))
         unit, turning = f"{prefix}{unit}", f"{prefix}{turning}"
         units = f"{unit}, theta {turning}" if "theta" in axes and turning != unit else unit
-        table.add_row(
-            escape(f"{WORDS.get(name, name)} [{units}]"), *(_scaled(*values[name], scale) for values in axes.values())
-        )
-    console().print(table)
+        values = (_scaled(*each[name], scale) for each in axes.values())
+        rows.append((f"{WORDS.get(name, name)} [{units}]", *values))
+    console().print(table(("", *(Column(axis, no_wrap=True) for axis in axes)), rows, title=report["device"]))
     print(f"description  {report['file']}")
 
 

@@ -8,21 +8,23 @@ import typer
 from haptic_device.config.parameter_types import Parameter, check_value
 
 
-def number(name: str, unit: str, low: float | None = None, high: float | None = None, **more: Any) -> Any:
+def number(unit: str, low: float | None = None, high: float | None = None, **more: Any) -> Any:
     """typer.Option of a decimal number from low to high, in `unit`; without limits the command itself judges it."""
-    return _option(name, float, unit, low, high, more)
+    return _option(float, unit, low, high, more)
 
 
-def whole(name: str, low: int, high: int, **more: Any) -> Any:
+def whole(low: int, high: int, **more: Any) -> Any:
     """typer.Option of a whole number from low to high."""
-    return _option(name, int, "", low, high, more)
+    return _option(int, "", low, high, more)
 
 
-def _option(name, kind, unit, low, high, more):
+def _option(kind, unit, low, high, more):
     limits = {key: kind(limit) for key, limit in (("low", low), ("high", high)) if limit is not None}
-    parameter = Parameter(name, kind(), unit, "", **limits)
 
-    def read(text):
+    def judged(option: typer.CallbackParam, text):
+        if text is None:
+            return None
+        parameter = Parameter(option.opts[0], kind(), unit, "", **limits)
         try:
             value = _read(kind, parameter, text)
             return check_value(parameter, value) if limits else value
@@ -31,7 +33,7 @@ def _option(name, kind, unit, low, high, more):
             raise typer.Exit(2) from None
 
     shown = ["FLOAT" if kind is float else "INTEGER", *([f"{low:g}..{high:g}"] if limits else []), unit]
-    return typer.Option(name, parser=read, metavar=" ".join(shown).strip(), **more)
+    return typer.Option(parser=str, callback=judged, metavar=" ".join(shown).strip(), **more)
 
 
 def _read(kind, parameter, text):

@@ -25,8 +25,9 @@ SHOWING = 5.0  # [s] in which a node that is starting is seen
 ALL_THE_SAME = 0.5  # [s] for the answer of a node that is seen in another namespace only: the graph may lack ours
 PATIENCE = 15.0  # [s] for the answer of a node that is there: it may be starting
 OF_A_START = {"autostart", "bag"}  # parameters that whoever starts a node gives
+_ANY = parameter(live=False)
 Node = Annotated[str, typer.Argument(help="Name of the node, such as haptic_driver.", autocompletion=node_name)]
-Domain = Annotated[int | None, whole("--domain", 0, 232, help="ROS domain [ROS_DOMAIN_ID, or 0].")]
+Domain = Annotated[int | None, whole(0, 232, help="ROS domain [ROS_DOMAIN_ID, or 0].")]
 Namespace = Annotated[str, typer.Option(help="Namespace of the system.")]
 
 
@@ -48,9 +49,7 @@ def set_value(
 
 def get(
     node: Node,
-    name: Annotated[
-        str | None, typer.Argument(help="Of one parameter only.", autocompletion=parameter(live=False))
-    ] = None,
+    name: Annotated[str | None, typer.Argument(help="Of one parameter only.", autocompletion=_ANY)] = None,
     domain: Domain = None,
     namespace: Namespace = NAMESPACE,
 ) -> None:

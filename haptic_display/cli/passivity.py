@@ -7,37 +7,27 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
+from rich.table import Column
 
 from haptic_device.digits import apart, plain
 from haptic_device.theory.assessment import Display, advise, assess
 from haptic_display.cli.numbers import number
-from haptic_display.cli.words import console, next_step, print_sentence, refused
+from haptic_display.cli.words import console, next_step, print_sentence, refused, table
+
+_STAMP_ERROR = "Half-width of what is not known of a sample's time (s)."
 
 
 def passivity(
-    stiffness: Annotated[float, number("--stiffness", "N/m", help="Stiffness K of the wall or coupling (N/m).")],
-    damping: Annotated[float, number("--damping", "N s/m", help="Its virtual damping B, of either sign (N s/m).")],
-    physical_damping: Annotated[
-        float, number("--physical-damping", "N s/m", help="Physical damping b of the device (N s/m).")
-    ],
-    period: Annotated[float, number("--period", "s", help="Servo period T (s).")],
-    mass: Annotated[
-        float, number("--mass", "kg", help="Moving mass m of the device (kg); only stability needs it.")
-    ] = 0.1,
-    delay_samples: Annotated[
-        float, number("--delay-samples", "periods", help="Loop delay in periods, fractions allowed.")
-    ] = 0.0,
-    stamp_error: Annotated[
-        float, number("--stamp-error", "s", 0.0, 1.0, help="Half-width of what is not known of a sample's time (s).")
-    ] = 0.0,
-    velocity_lag: Annotated[
-        float, number("--velocity-lag", "s", help="Time constant of the velocity filter (s).")
-    ] = 0.0,
-    resolution: Annotated[
-        float, number("--resolution", "m", help="Encoder step (m); 0 leaves quantization out.")
-    ] = 0.0,
-    coulomb: Annotated[float, number("--coulomb", "N", help="Coulomb friction of the device (N).")] = 0.0,
+    stiffness: Annotated[float, number("N/m", help="Stiffness K of the wall or coupling (N/m).")],
+    damping: Annotated[float, number("N s/m", help="Its virtual damping B, of either sign (N s/m).")],
+    physical_damping: Annotated[float, number("N s/m", help="Physical damping b of the device (N s/m).")],
+    period: Annotated[float, number("s", help="Servo period T (s).")],
+    mass: Annotated[float, number("kg", help="Moving mass m of the device (kg); only stability needs it.")] = 0.1,
+    delay_samples: Annotated[float, number("periods", help="Loop delay in periods, fractions allowed.")] = 0.0,
+    stamp_error: Annotated[float, number("s", 0.0, 1.0, help=_STAMP_ERROR)] = 0.0,
+    velocity_lag: Annotated[float, number("s", help="Time constant of the velocity filter (s).")] = 0.0,
+    resolution: Annotated[float, number("m", help="Encoder step (m); 0 leaves quantization out.")] = 0.0,
+    coulomb: Annotated[float, number("N", help="Coulomb friction of the device (N).")] = 0.0,
     plot: Annotated[Path | None, typer.Option(help="Write the K-B plane to this PNG file.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
 ):
@@ -50,18 +40,14 @@ def passivity(
     with refused("passivity"):
         assessment = assess(display)
         if plot is not None:
-            _save(display, assessment, plot)
+            from haptic_device.theory.passivity_figure import save_map
+
+            save_map(display, assessment, plot)
     if as_json:
         typer.echo(json.dumps(_report(display, assessment)))
     else:
         _show(display, assessment)
         next_step(_next(display, assessment))
-
-
-def _save(display, assessment, path):
-    from haptic_device.theory.passivity_figure import save_map
-
-    save_map(display, assessment, path)
 
 
 def _report(display, assessment):
@@ -72,12 +58,8 @@ def _report(display, assessment):
 
 
 def _show(display, assessment):
-    table = Table(title=_heading(display), title_justify="left")
-    for column in ("question", "answer", "has", "needs"):
-        table.add_column(column, justify="left" if column == "question" else "right")
-    for row in _rows(display, assessment):
-        table.add_row(*row)
-    console().print(table)
+    columns = "question", *(Column(each, justify="right") for each in ("answer", "has", "needs"))
+    console().print(table(columns, _rows(display, assessment), title=_heading(display), title_justify="left"))
     print_sentence(advise(display, assessment))
 
 
@@ -108,7 +90,7 @@ def _row(question, holds, symbol, unit, has, sign, needs):
     """Has and needs with enough digits to see that one is beyond the other."""
     told, limit = apart(has, needs)
     needed = f"{symbol} {sign} {limit} {unit}" if math.isfinite(needs) else f"no {symbol} is enough"
-    return question, "[green]yes[/green]" if holds else "[red]no[/red]", f"{symbol} = {told} {unit}", needed
+    return question, ("yes", "green") if holds else ("no", "red"), f"{symbol} = {told} {unit}", needed
 
 
 def _heading(display):

@@ -17,23 +17,19 @@ from haptic_display.run.processes import NAMESPACE, NodeDiedError, Nodes, Progra
 LOOK_PERIOD = 0.05  # s
 HEARING = 60.0  # [s] for the first row of a recording that has a length
 RECORDER = "haptic_recorder"
+_SECONDS = "Length from the first row; else until Ctrl-C."
+_SIZE = "New file from this size on [MB]; 0 never."
 
 
 def record(
     out: Annotated[Path | None, typer.Option(help="New folder for the bag and its log [haptic_bags/TIME].")] = None,
-    seconds: Annotated[
-        float | None, number("--seconds", "s", 0.1, 1e7, help="Length from the first row; else until Ctrl-C.")
-    ] = None,
+    seconds: Annotated[float | None, number("s", 0.1, 1e7, help=_SECONDS)] = None,
     namespace: Annotated[str, typer.Option(help="Namespace of the system to record.")] = NAMESPACE,
     participant: Annotated[str, typer.Option(help="Code of the participant.")] = "",
     condition: Annotated[str, typer.Option(help="Experimental condition.")] = "",
     field: Annotated[list[str] | None, typer.Option(help="Further fact of the trial, name=value; repeatable.")] = None,
-    split_size: Annotated[
-        float | None, number("--split-size", "MB", 0.0, 1e6, help="New file from this size on [MB]; 0 never.")
-    ] = None,
-    split_duration: Annotated[
-        float | None, number("--split-duration", "s", 0.0, 1e6, help="New file after this time [s].")
-    ] = None,
+    split_size: Annotated[float | None, number("MB", 0.0, 1e6, help=_SIZE)] = None,
+    split_duration: Annotated[float | None, number("s", 0.0, 1e6, help="New file after this time [s].")] = None,
 ) -> None:
     """Record all topics of a running system to a rosbag2 folder (MCAP). Ctrl-C is the normal end."""
     out = (out or Path("haptic_bags") / time.strftime("%Y%m%d-%H%M%S")).absolute()

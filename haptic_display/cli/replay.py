@@ -27,7 +27,7 @@ def replay(
     as_: Annotated[As, typer.Option("--as", help="The hand's target, or the device's own position.")] = As.target,
     check: Annotated[bool, typer.Option("--check", help="Compute the recorded ticks again, bit for bit.")] = False,
     params: Annotated[str | None, typer.Option(help=_PARAMS, autocompletion=shipped(""))] = None,
-    delay: Annotated[float, number("--delay", "s", 0.0, 10.0, help="Delay of the exchange there and back [s].")] = 0.0,
+    delay: Annotated[float, number("s", 0.0, 10.0, help="Delay of the exchange there and back [s].")] = 0.0,
     out: Annotated[Path | None, typer.Option(help="New bag of the replay [haptic_bags/replay-TIME].")] = None,
     namespace: Annotated[str | None, typer.Option(help="Where the bag holds several devices.")] = None,
 ) -> None:

@@ -10,6 +10,7 @@ import typer
 from haptic_device.os_errors import in_words
 from haptic_display.cli.words import next_step, shown_path
 
+_FILM = "Also film.html, which plays one bag or two, and film.gif."
 FILMED = 2  # bags that a film shows
 
 
@@ -17,9 +18,7 @@ def report(
     bags: Annotated[list[Path], typer.Argument(help="Bag folders or .mcap files; several are shown over each other.")],
     out: Annotated[Path | None, typer.Option(help="Folder for page and figures [haptic_reports/TIME].")] = None,
     namespace: Annotated[str | None, typer.Option(help="Where a bag holds several devices.")] = None,
-    film: Annotated[
-        bool, typer.Option("--film", help="Also film.html, which plays one bag or two, and film.gif.")
-    ] = False,
+    film: Annotated[bool, typer.Option("--film", help=_FILM)] = False,
 ) -> None:
     """Write report.html (self-contained, offline) and its figures. What is wrong with a bag is said in it.
 

@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """`haptic scenes`: what scenes there are, their pictures, and what their simulation takes."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
+from rich.table import Column
 
 from haptic_device.config.files import names
 from haptic_device.digits import amount
 from haptic_display.cli.completion import shipped
 from haptic_display.cli.progress import progress
-from haptic_display.cli.words import console, next_step, print_sentence, shown_path
+from haptic_display.cli.words import console, next_step, print_sentence, shown_path, table
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.explain import explain
 from haptic_sim.reduction.measured import said
@@ -21,6 +22,8 @@ from haptic_sim.scene.language import load
 _DRAW = "Write a picture of this scene (a name or a YAML file)."
 _EXPLAIN = "Say what has to be modelled of this scene, by which method."
 _OUT = "The picture's file [NAME.png]."
+_WORD, _NUMBER = partial(Column, no_wrap=True), partial(Column, justify="right", no_wrap=True)
+COLUMNS = _WORD("name"), "what", _NUMBER("DOF"), _WORD("method"), _NUMBER("sub-step")
 
 
 def scenes(
@@ -48,16 +51,14 @@ def scenes(
 
 
 def _list():
-    table = Table(title="Scenes")
-    for column in ("name", "what", "DOF", "method", "sub-step"):
-        right = "right" if column in ("DOF", "sub-step") else "left"
-        table.add_column(column, justify=right, no_wrap=column != "what")
-    for name in names("scenes"):
-        scene = load(name)
-        reduced = reduce_scene(scene)
-        table.add_row(name, scene.description, str(reduced.needs.dof), reduced.method, amount(reduced.sub_step, "s"))
-    console().print(table)
+    console().print(table(COLUMNS, map(_row, names("scenes")), title="Scenes"))
     next_step("haptic scenes --explain NAME, or haptic demo --view --scene NAME")
+
+
+def _row(name):
+    scene = load(name)
+    reduced = reduce_scene(scene)
+    return name, scene.description, str(reduced.needs.dof), reduced.method, amount(reduced.sub_step, "s")
 
 
 def _draw(name, out):

@@ -14,9 +14,9 @@ from haptic_device import ros_environment
 from haptic_device.digits import amount
 from haptic_device.process import say
 from haptic_device.recording.status import LEVELS
+from haptic_display.cli import words
 from haptic_display.cli.keys import ESTOP, keys
 from haptic_display.cli.numbers import whole
-from haptic_display.cli.words import console, next_step
 from haptic_display.run.processes import NAMESPACE
 
 STYLES = ("green", "yellow", "bold red", "magenta")
@@ -29,7 +29,7 @@ NODES = ("haptic_driver", "haptic_bridge", "haptic_loopback", "haptic_simulation
 
 
 def status(
-    domain: Annotated[int | None, whole("--domain", 0, 232, help="ROS domain [ROS_DOMAIN_ID, or 0].")] = None,
+    domain: Annotated[int | None, whole(0, 232, help="ROS domain [ROS_DOMAIN_ID, or 0].")] = None,
     namespace: Annotated[str | None, typer.Option(help="Namespace of one display; else every one is shown.")] = None,
     json: Annotated[bool, typer.Option("--json", help="Listen for 2 to 5 s, print one JSON object, end.")] = False,
 ) -> None:
@@ -41,13 +41,13 @@ def status(
     with contextlib.closing(Client.join("haptic_status", domain, namespace or NAMESPACE)) as client:
         if json or not (sys.stdin.isatty() and sys.stdout.isatty()):
             found = _listen(client, namespace is None)
-            print(json_text.dumps(found)) if json else _print(found, domain)
+            print(json_text.dumps(found)) if json else words.console().print(table(found, domain))
         else:
             found = _watch(client, domain, namespace is None)
     if not found and (why := ros_environment.discovery()):
         say(f"haptic status: nothing was heard; {why}")
     if not found and not json:
-        next_step("haptic demo --view starts a display; --domain N looks into another ROS domain")
+        words.next_step("haptic demo --view starts a display; --domain N looks into another ROS domain")
     raise typer.Exit(0 if found and max(entry["level"] for entry in found.values()) < LEVELS.index("ERROR") else 1)
 
 
@@ -155,23 +155,19 @@ def _answer(client, service) -> str:
         return f"{name} refused: {refusal}"
 
 
-def _print(found, domain) -> None:
-    console().print(table(found, domain))
-
-
 def table(found: dict, domain: int, motor: float | None = None):
     """A row for each node and each of its figures; motor [N]: force on the handle, where the loopback tells it."""
-    from rich.table import Table
-    from rich.text import Text  # what stands in statuses may look like markup
-
     title = f"ROS domain {domain}" + ("" if motor is None else f", on the hand {amount(motor, 'N')}")
-    rows = Table("node", "figure", "level", "now", title=title, caption="" if found else "nothing heard yet")
-    for name, entry in found.items():
-        node, _, figure = name.partition(": ")
-        level = Text(LEVELS[entry["level"]], STYLES[entry["level"]])
-        now = _rounded(entry["message"]) if figure else entry["message"]
-        rows.add_row(Text("" if figure else node), Text(figure.replace("_", " ")), level, Text(now))
-    return rows
+    caption = "" if found else "nothing heard yet"
+    return words.table(
+        ("node", "figure", "level", "now"), map(_row, found, found.values()), title=title, caption=caption
+    )
+
+
+def _row(name: str, entry: dict):
+    node, _, figure = name.partition(": ")
+    level, message = (LEVELS[entry["level"]], STYLES[entry["level"]]), entry["message"]
+    return ("", figure.replace("_", " "), level, _rounded(message)) if figure else (node, "", level, message)
 
 
 def _rounded(message: str) -> str:

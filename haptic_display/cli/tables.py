@@ -4,13 +4,11 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from rich.markup import escape
-from rich.table import Table
-from rich.text import Text  # what nodes have said may look like markup
+from rich.text import Text  # a scene's name may look like markup
 
 from haptic_device.process import say
 from haptic_display.cli.outcome_rows import answer, rows
-from haptic_display.cli.words import console, print_sentence
+from haptic_display.cli.words import console, print_sentence, table
 from haptic_display.run.report.quantities import QUANTITIES
 from haptic_display.run.report.run import Run
 
@@ -22,12 +20,10 @@ def print_outcome(found: dict, everything: bool = False) -> None:
     if found["done"] and (found.get("task") or "done") != "done":
         title = f"{found['scene']}: the run is complete, the task is not done"
     if found["exchange"]:
-        table = Table(title=Text(title), show_header=False)
-        for some in (answer(found), rows(found, everything)):
-            for words, value in some:
-                table.add_row(Text(words), Text(value))
-            table.add_section()
-        console().print(table)
+        first, others = list(answer(found)), list(rows(found, everything))
+        shown = table(("", ""), first + others, title=Text(title), show_header=False)
+        shown.rows[len(first) - 1].end_section = True
+        console().print(shown)
         if found["why"]:
             print_sentence(f"not done because {found['why']}")
         for sentence in filter(None, (found["exchange"].get("cause"), found["late"])):
@@ -47,10 +43,8 @@ def print_notes(bag: Path | str, notes: Iterable[str]) -> None:
 def print_comparison(runs: dict[str, Run]) -> None:
     """Prints one line for each run."""
     told = {name: compared(run) for name, run in runs.items()}
-    table = Table("run", *map(escape, next(iter(told.values()))))
-    for name, found in told.items():
-        table.add_row(name, *found.values())
-    console().print(table)
+    rows = ((name, *found.values()) for name, found in told.items())
+    console().print(table(("run", *next(iter(told.values()))), rows))
 
 
 def compared(run: Run) -> dict[str, str]:

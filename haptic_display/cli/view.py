@@ -15,7 +15,7 @@ from haptic_sim.node.parameters import HOME_PORT
 def view(
     namespace: Annotated[str, typer.Option(help="Namespace of the system.")] = NAMESPACE,
     host: Annotated[str, typer.Option(help="Address to listen on; beyond this machine it warns.")] = "127.0.0.1",
-    port: Annotated[int, whole("--port", 0, 65535, help="TCP port; 0: any that is free.")] = HOME_PORT,
+    port: Annotated[int, whole(0, 65535, help="TCP port; 0: any that is free.")] = HOME_PORT,
     new_link: Annotated[bool, typer.Option("--new-link", help="New links; the old ones open nothing more.")] = False,
 ) -> None:
     """Show a running system on a local web page, where the mouse is the hand. Ctrl-C is the normal end."""

@@ -6,8 +6,9 @@ import os
 import shlex
 import sys
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -23,6 +24,17 @@ def console():
     from rich.console import Console
 
     return Console(width=None if _width_is_known() else PIPED)
+
+
+def table(columns: Iterable[Any], rows: Iterable[Iterable[str | tuple[str, str]]], **look: Any):
+    """A rich.table.Table. columns: headings, or rich's own; a cell: text, or text and style. No text is markup."""
+    from rich.table import Column, Table
+    from rich.text import Text
+
+    made = Table(*(Column(Text(each)) if isinstance(each, str) else each.copy() for each in columns), **look)
+    for row in rows:
+        made.add_row(*(Text(cell) if isinstance(cell, str) else Text(*cell) for cell in row))
+    return made
 
 
 def print_sentence(text: str, indent: int = 0) -> None:

@@ -13,55 +13,48 @@ from haptic_device.digits import amount, plain
 from haptic_display.cli.completion import shipped
 from haptic_display.cli.numbers import number, whole
 from haptic_display.cli.progress import SCHEDULER, progress
-from haptic_display.cli.words import console, next_step, print_sentence, refused, shown_path
+from haptic_display.cli.words import console, next_step, print_sentence, refused, shown_path, table
 
 _DEVICE = "Take m, b, friction, encoder step and delays from this device's x axis (a name in config/devices or a file)."
 
 _LIVE = "Raise the wall's stiffness on driver and loopback until it shakes, instead of drawing the map of a model."
+_LATENESS = "Also draw: writes late by anything up to this (s), at most T/2."
+_OPERATOR = "none, light, firm, or worst of a grid of masses and springs."
 _DOMAIN = "With --live: ROS domain of nodes that run already, the hand's motion being follow."
 LIVE_ONLY = "damping", "domain", "namespace"
 SHARES = {"quiet": "quiet", "gives": "energy given to the operator", "shakes": "shaking"}
+FIGURES = (  # of live walls: words, and keys
+    ("stiffest wall that stands still [N/m]", "quiet"),
+    ("softest wall that shakes [N/m]", "shaking"),
+    ("damping felt in free space [N s/m]", "damping", "none"),
+    ("the same, 95 % cancelled [N s/m]", "damping", "cancelled"),
+)
+TITLE = "Largest stiffness of a wall: by simulation, and by theory"
 EITHER = "device", "period", "stiffness_max", "as_json"
 
 
 def zwidth(
     context: typer.Context,
     device: Annotated[str | None, typer.Option(help=_DEVICE, autocompletion=shipped("devices"))] = None,
-    mass: Annotated[float | None, number("--mass", "kg", help="Moving mass m (kg) [0.1].")] = None,
-    physical_damping: Annotated[
-        float | None, number("--physical-damping", "N s/m", help="Physical damping b (N s/m) [0.5].")
-    ] = None,
-    period: Annotated[float, number("--period", "s", help="Servo period T (s).")] = 0.001,
-    delay_samples: Annotated[
-        float | None, number("--delay-samples", "periods", help="Loop delay in periods [0].")
-    ] = None,
-    velocity_lag: Annotated[
-        float, number("--velocity-lag", "s", help="Time constant of the velocity filter (s).")
-    ] = 0.0,
-    resolution: Annotated[float | None, number("--resolution", "m", help="Encoder step (m) [0].")] = None,
-    coulomb: Annotated[float | None, number("--coulomb", "N", help="Coulomb friction (N) [0].")] = None,
-    lateness: Annotated[
-        float, number("--lateness", "s", help="Also draw: writes late by anything up to this (s), at most T/2.")
-    ] = 0.0,
-    operator: Annotated[
-        str, typer.Option(help="none, light, firm, or worst of a grid of masses and springs.")
-    ] = "none",
-    stiffness_max: Annotated[
-        float | None, number("--stiffness-max", "N/m", help="Largest K of the map (N/m) [by theory].")
-    ] = None,
-    damping_max: Annotated[
-        float | None, number("--damping-max", "N s/m", help="Largest B of the map (N s/m) [4 b].")
-    ] = None,
-    points: Annotated[int, whole("--points", 2, 1000, help="Cells along each axis.")] = 100,
-    seconds: Annotated[float, number("--seconds", "s", help="Simulated time of a cell (s).")] = 1.0,
+    mass: Annotated[float | None, number("kg", help="Moving mass m (kg) [0.1].")] = None,
+    physical_damping: Annotated[float | None, number("N s/m", help="Physical damping b (N s/m) [0.5].")] = None,
+    period: Annotated[float, number("s", help="Servo period T (s).")] = 0.001,
+    delay_samples: Annotated[float | None, number("periods", help="Loop delay in periods [0].")] = None,
+    velocity_lag: Annotated[float, number("s", help="Time constant of the velocity filter (s).")] = 0.0,
+    resolution: Annotated[float | None, number("m", help="Encoder step (m) [0].")] = None,
+    coulomb: Annotated[float | None, number("N", help="Coulomb friction (N) [0].")] = None,
+    lateness: Annotated[float, number("s", help=_LATENESS)] = 0.0,
+    operator: Annotated[str, typer.Option(help=_OPERATOR)] = "none",
+    stiffness_max: Annotated[float | None, number("N/m", help="Largest K of the map (N/m) [by theory].")] = None,
+    damping_max: Annotated[float | None, number("N s/m", help="Largest B of the map (N s/m) [4 b].")] = None,
+    points: Annotated[int, whole(2, 1000, help="Cells along each axis.")] = 100,
+    seconds: Annotated[float, number("s", help="Simulated time of a cell (s).")] = 1.0,
     out: Annotated[Path, typer.Option(help="Folder for map.csv and map.png.")] = Path("zwidth"),
-    workers: Annotated[int | None, whole("--workers", 1, 1024, help="Threads [one a core].")] = None,
+    workers: Annotated[int | None, whole(1, 1024, help="Threads [one a core].")] = None,
     scheduler: Annotated[str, typer.Option(help=SCHEDULER)] = "",
     live: Annotated[bool, typer.Option("--live", help=_LIVE)] = False,
-    damping: Annotated[
-        float, number("--damping", "N s/m", help="With --live: virtual damping B of the wall (N s/m).")
-    ] = 0.0,
-    domain: Annotated[int | None, whole("--domain", 0, 232, help=_DOMAIN)] = None,
+    damping: Annotated[float, number("N s/m", help="With --live: virtual damping B of the wall (N s/m).")] = 0.0,
+    domain: Annotated[int | None, whole(0, 232, help=_DOMAIN)] = None,
     namespace: Annotated[str | None, typer.Option(help="With --live: namespace of nodes that run already.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
 ):
@@ -122,20 +115,9 @@ def _measure(name, period, damping, stiffness_max, domain, namespace):
 
 
 def _show_live(found):
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table(
-        "figure", "live", "lock-step", title=f"Z-width at {found['rate']:g} Hz, B = {found['damping']:g} N s/m"
-    )
-    for label, *keys in (
-        ("stiffest wall that stands still [N/m]", "quiet"),
-        ("softest wall that shakes [N/m]", "shaking"),
-        ("damping felt in free space [N s/m]", "damping", "none"),
-        ("the same, 95 % cancelled [N s/m]", "damping", "cancelled"),
-    ):
-        table.add_row(escape(label), *(_number(found[side], keys) for side in ("live", "lockstep")))
-    console().print(table)
+    rows = ((label, *(_number(found[side], keys) for side in ("live", "lockstep"))) for label, *keys in FIGURES)
+    title = f"Z-width at {found['rate']:g} Hz, B = {found['damping']:g} N s/m"
+    console().print(table(("figure", "live", "lock-step"), rows, title=title))
     at_bound = _at_bound(found["at_95_percent_of_passive"])
     print_sentence(f"passive up to {plain(found['passive'], 'N/m')}{at_bound}")
 
@@ -150,22 +132,19 @@ def _at_bound(found):
 def _number(values, keys):
     for key in keys:
         values = values[key]
-    return "none" if values is None else plain(values)
+    return _told(values)
+
+
+def _told(value):
+    return "none" if value is None else plain(value)
 
 
 def _show(found):
-    from rich.markup import escape
-    from rich.table import Table
-
     lines, run = found["stiffness_max"], {"quiet": "all quiet up to", "not_shaking": "none shakes up to"}
     heads = (f"{run.get(name, name.replace('_', ' '))} [N/m]" for name in lines)
-    table = Table(
-        escape("B [N s/m]"), *map(escape, heads), title="Largest stiffness of a wall: by simulation, and by theory"
-    )
-    for i in np.unique(np.linspace(0, len(found["damping"]) - 1, 9).astype(int)):
-        row = (found["damping"][i], *(line[i] for line in lines.values()))
-        table.add_row(*("none" if value is None else plain(value) for value in row))
-    console().print(table)
+    some = np.unique(np.linspace(0, len(found["damping"]) - 1, 9).astype(int))
+    rows = ([_told(line[i]) for line in (found["damping"], *lines.values())] for i in some)
+    console().print(table(("B [N s/m]", *heads), rows, title=TITLE))
     shares = ", ".join(f"{SHARES[name]} in {plain(100 * share)} %" for name, share in found["shares"].items())
     print_sentence(f"{found['cells']} cells with operator {found['operator']}: {shares}")
     print(f"map     {found['csv']}\nfigure  {found['figure']}")
