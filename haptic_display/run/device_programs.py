@@ -4,12 +4,11 @@
 import contextlib
 import socket
 from pathlib import Path
-from typing import NamedTuple
 
 from haptic_device.config.description import Device, load_device
 from haptic_device.config.link_registry import UdpOptions
 from haptic_device.config.parameter_types import defaults
-from haptic_display.run.processes import NAMESPACE, Program
+from haptic_display.run.processes import Program
 from haptic_sim.node.parameters import NODES
 from haptic_sim.scene.needs import BRIDGE, LOOPBACK, served_by
 
@@ -17,22 +16,7 @@ REFERENCE = "reference_device"
 MODULES = {LOOPBACK: "haptic_device.nodes.loopback", BRIDGE: "haptic_device.nodes.bridge"}
 
 
-class ReferenceDevice(NamedTuple):
-    """The reference device as a program: not a node, and without parameters of ROS."""
-
-    words: tuple[str, ...]
-    name: str = REFERENCE
-    parameters: dict = {}
-    files: tuple[Path, ...] = ()
-    namespace: str = NAMESPACE
-    renamed: dict[str, str] = {}
-
-    def command(self) -> list[str]:
-        """The command line that starts it."""
-        return list(self.words)
-
-
-def device_programs(name: str, hand: dict, folder: Path, files: tuple[Path, ...] = ()) -> list:
+def device_programs(name: str, hand: dict, folder: Path, files: tuple[Path, ...] = ()) -> list[Program]:
     """Programs to be started for the device of this name or file, in this order.
 
     hand: parameters of haptic_loopback, which the reference device follows too, and what cuts it; folder: where its
@@ -45,16 +29,12 @@ def device_programs(name: str, hand: dict, folder: Path, files: tuple[Path, ...]
     if not node:
         return []
     bridge = {"device": name}
-    if not _has_reference(device):
+    if getattr(device.link.options, "program", "") != "reference":
         return [Program(BRIDGE, MODULES[BRIDGE], bridge, files)]
     if "motor_watchdog" in hand:
         bridge["motor_watchdog"] = hand["motor_watchdog"]
     line, bridge["port"] = _line(device, folder)
     return [_reference(device, hand, folder, line), Program(BRIDGE, MODULES[BRIDGE], bridge, files)]
-
-
-def _has_reference(device: Device) -> bool:
-    return getattr(device.link.options, "program", "") == "reference"
 
 
 def _line(device: Device, folder: Path) -> tuple[tuple[str, str], str]:
@@ -68,11 +48,11 @@ def _line(device: Device, folder: Path) -> tuple[tuple[str, str], str]:
     return ("--pty", terminal), terminal
 
 
-def _reference(device: Device, hand: dict, folder: Path, line: tuple[str, str]) -> ReferenceDevice:
+def _reference(device: Device, hand: dict, folder: Path, line: tuple[str, str]) -> Program:
     from haptic_display.run.reference_device import compiled, config_of
 
     values = defaults(NODES[LOOPBACK]) | hand
     program, settings = compiled(), folder.absolute() / "reference_device.txt"
     folder.mkdir(parents=True, exist_ok=True)
     settings.write_text(config_of(device, values))
-    return ReferenceDevice((str(program), "--config", str(settings), *line))
+    return Program(REFERENCE, "", words=(str(program), "--config", str(settings), *line))

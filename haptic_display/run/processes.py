@@ -25,7 +25,7 @@ class NodeDiedError(RuntimeError):
 
 class Program(NamedTuple):
     """A node to start: its executable's name, Python module, ROS parameters, files of more of them, namespace, and
-    topics that it finds under other names."""
+    topics that it finds under other names. words: the command line of what is no node, which has none of these."""
 
     name: str
     module: str
@@ -33,9 +33,12 @@ class Program(NamedTuple):
     files: tuple[Path, ...] = ()
     namespace: str = NAMESPACE
     renamed: dict[str, str] = {}
+    words: tuple[str, ...] = ()
 
     def command(self) -> list[str]:
         """The command line that starts it."""
+        if self.words:
+            return list(self.words)
         return [*running_module(self.module), *ros_arguments(self.namespace, self.parameters, self.files, self.renamed)]
 
 

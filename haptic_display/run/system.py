@@ -64,7 +64,8 @@ def programs_of(order: Order) -> list[Program]:
     }
     # ROS would take a path in the file as relative to where we are
     files = {name: {key: said[name][key] for key in PLACES if key in said[name]} for name in given}
-    given = {name: files[name] | _stated(values) | order.given.get(name, {}) for name, values in given.items()}
+    stated = {name: {key: each for key, each in some.items() if each is not None} for name, some in given.items()}
+    given = {name: files[name] | values | order.given.get(name, {}) for name, values in stated.items()}
     if order.device:
         given["haptic_driver"]["device"] = given[LOOPBACK]["device"] = str(find("devices", order.device).absolute())
     _refuse_bad_devices(given, order.params)
@@ -84,7 +85,7 @@ def programs_of(order: Order) -> list[Program]:
     return [program._replace(renamed=far if program.name == "haptic_simulation" else {}) for program in programs]
 
 
-def _device(loopback: Program, said: dict, order: Order, needs: Needs) -> list:
+def _device(loopback: Program, said: dict, order: Order, needs: Needs) -> list[Program]:
     """What the device of the driver needs, in place of the loopback: its hand is that which the loopback would have."""
     if needs.serving == LOOPBACK:
         return [loopback]
@@ -92,12 +93,12 @@ def _device(loopback: Program, said: dict, order: Order, needs: Needs) -> list:
     return device_programs(needs.device, hand, order.out / "log", loopback.files)
 
 
-def led_by_hand(programs: list) -> bool:
+def led_by_hand(programs: list[Program]) -> bool:
     """Whether a simulated hand is among the programs, whose motion ends a run."""
     return any(program.name in (LOOPBACK, REFERENCE) for program in programs)
 
 
-def is_served_by_others(programs: list) -> bool:
+def is_served_by_others(programs: list[Program]) -> bool:
     """Whether the device's page is served by none of the programs, but by one of the user's own."""
     return not any(program.name in MODULES for program in programs)
 
@@ -116,10 +117,6 @@ def _refuse_bad_devices(given: dict[str, dict], params: Path) -> None:
             load_device(given[node].get("device", defaults(NODES[LOOPBACK])["device"]))
         except (ValueError, OSError) as error:
             raise ValueError(f"{params}: {node}: device {error}") from None
-
-
-def _stated(values: dict) -> dict:
-    return {name: value for name, value in values.items() if value is not None}
 
 
 def _program(name: str, values: dict, declared: tuple, operating_point: Path) -> Program:
