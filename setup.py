@@ -90,6 +90,7 @@ setup(
         "haptic_display.page.film": ["web/*"],
         "haptic_sim.reduction": ["*.csv"],
         "haptic_display.page": ["web/*"],
+        "haptic_display.run.report": ["*.css"],
     },
     data_files=installed_files(),
     zip_safe=False,

@@ -5,8 +5,8 @@ On top the verdict, then the figures, then all numbers in tables to be opened.
 """
 
 import base64
-import html
 from collections.abc import Iterable, Sequence
+from html import escape as _text
 from pathlib import Path
 
 from haptic_device.digits import UNKNOWN
@@ -66,7 +66,7 @@ def write_report(runs: list[Run], folder: Path, left_out: Sequence[str] = ()) ->
 
 def _head(runs: list[Run]) -> str:
     names = ", ".join(run.name for run in runs)
-    style = f"<style>{STYLE}</style>"
+    style = f"<style>\n{STYLE}</style>"
     view = '<meta name="viewport" content="width=device-width, initial-scale=1">'
     title = f"<title>{_text(names)}</title>"
     head = f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">{view}{title}{style}</head>'
@@ -150,7 +150,3 @@ def _tables(runs: list[Run]) -> str:
 def _row(name: str, values: list[str]) -> str:
     cells = "".join(f"<td>{_text(value)}</td>" for value in values)
     return f'<tr><th scope="row">{_text(name)}</th>{cells}</tr>'
-
-
-def _text(words: str) -> str:
-    return html.escape(words)
