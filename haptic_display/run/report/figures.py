@@ -62,11 +62,12 @@ class Figure(NamedTuple):
 
 
 class Special(NamedTuple):
-    """A figure that draws its own panels; panels: 0 for one of each run, else how many."""
+    """A figure that draws its own panels; check: raises ValueError where the run does not tell it; panels: 0 for one of
+    each run, else how many."""
 
     name: str
     title: str
-    check: Callable[[Run], None]
+    check: Callable[[Run], Any]
     paint: Callable[[Sequence[Axes], Sequence[Run], Sequence[Look]], None]
     height: float
     panels: int = 0
@@ -89,14 +90,14 @@ FIGURES: tuple[Figure | Special, ...] = (
     Figure("distances", "Stretch", curves.distances, "handle to tool [mm]"),
     Figure("forces", "Force", curves.forces, "force [N]", height=2.7, across=2),
     Figure("angles", "Angle", curves.angles, "angle [°]", across=2),
-    Special("path", "Path", panel.check_path, panel.path, 3.6, shape=panel.path_shape),
+    Special("path", "Path", lambda run: run.places(0), panel.path, 3.6, shape=panel.path_shape),
     Special("contacts", "Contacts", panel.check_contacts, panel.contacts, 2.2),
     Figure("energies", "Energy", curves.energies, "energy [mJ]", height=2.7, across=3),
     Figure("margin", "Passivity margin", curves.margins, "left over [% of b]", across=3),
     Figure("lateness", "Servo timing", curves.lateness, "ticks", "time [µs]", "xy", curves.one_period, across=2),
     Figure("age", "Sample age", curves.ages, "ticks", "age [ms]", "y", curves.median_age),
     Figure("spectrum", "Spectrum", curves.spectrum, "force [N²/Hz]", "frequency [Hz]", "xy", curves.oscillation, 2.7),
-    Special("impedance", "Impedance", panel.check_impedance, panel.impedance, 2.4, panels=2),
+    Special("impedance", "Impedance", panel.fitted, panel.impedance, 2.4, panels=2),
 )
 
 
@@ -143,8 +144,8 @@ def fill(axes: Axes, figure: Figure, run: Run, columns: int = 4) -> None:
 
 def key(axes: Axes, columns: int) -> None:
     """The key, above the axes."""
-    above: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.1}
-    axes.legend(ncols=columns, fontsize=9, frameon=False, **above)
+    above = (0.0, 1.0)
+    axes.legend(ncols=columns, fontsize=9, frameon=False, loc="lower left", bbox_to_anchor=above, borderaxespad=0.1)
 
 
 def plot_own(axes: Axes, found: Sequence[Curve]) -> None:
@@ -157,13 +158,10 @@ def over_time(axes: Axes, run: Run, lines: Sequence[tuple[float, str]], grey: st
     """The run's time as the axis, its contacts in grey, as the key says, and vertical lines [s] with their names."""
     _shade(axes, run, grey)
     for number, (time, text) in enumerate(lines[:40]):
-        left = time < 0.7 * run.length
+        side, way = ("left", 3) if time < 0.7 * run.length else ("right", -3)
         axes.axvline(time, color="black", linewidth=0.8, dashes=(2, 2))
-        beside: dict[str, Any] = {
-            "xytext": (3 if left else -3, -2 - 12 * (number % 3)),
-            "ha": "left" if left else "right",
-        }
-        axes.annotate(text[:60], (time, 1), xycoords=("data", "axes fraction"), **beside, **_TEXT)
+        place = way, -2 - 12 * (number % 3)
+        axes.annotate(text[:60], (time, 1), xycoords=("data", "axes fraction"), xytext=place, ha=side, **_TEXT)
     axes.set_xlim(0.0, run.length or None)
 
 

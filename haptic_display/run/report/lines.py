@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lines of a report's table that are no single value, (words, text) each, and texts of more than value and unit."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -55,14 +55,12 @@ def stamp_error(run: Run) -> Entries:
         yield "times of samples known to", f"± {amount(float(np.nanmax(run.rows['stamp_error'])) * 1e-9, 's')}"
 
 
-def lateness(run: Run) -> str | None:
-    """In lock-step nothing is late, exactly."""
-    return None if run.rows["lateness"].any() else "not measured"
+def _measured(column: str) -> Callable[[Run], str | None]:
+    """That the column was not: it is zero in every tick, as in lock-step."""
+    return lambda run: None if run.rows[column].any() else "not measured"
 
 
-def compute(run: Run) -> str | None:
-    """In lock-step nobody measures it."""
-    return None if run.rows["compute"].any() else "not measured"
+lateness, compute = _measured("lateness"), _measured("compute")
 
 
 def sent(run: Run) -> str:
@@ -118,20 +116,19 @@ def contacts(run: Run) -> Entries:
         yield "first", f"at {run.contacts[0].begin:.3f} s"
 
 
-def stronger(run: Run) -> str | None:
-    """The bound of the strongest contact, where an earlier and stronger one hides it."""
-    return _before(*summary.greatest(run.recording, "max_contact_force"), "N")
+def _before(name: str, unit: str) -> Callable[[Run], str | None]:
+    """The bound of what the simulation keeps the greatest of, where an earlier and greater one hides it."""
+
+    def text(run: Run) -> str | None:
+        value, bound = summary.greatest(run.recording, name)
+        if value is not None or bound is None:
+            return None
+        return f"at most {amount(bound, unit)}, which was before this recording"
+
+    return text
 
 
-def deeper(run: Run) -> str | None:
-    """The bound of the deepest overlap, where an earlier and deeper one hides it."""
-    return _before(*summary.greatest(run.recording, "max_penetration"), "m")
-
-
-def _before(value: float | None, bound: float | None, unit: str) -> str | None:
-    if value is not None or bound is None:
-        return None
-    return f"at most {amount(bound, unit)}, which was before this recording"
+stronger, deeper = _before("max_contact_force", "N"), _before("max_penetration", "m")
 
 
 def impedance(run: Run) -> Entries:
@@ -141,10 +138,10 @@ def impedance(run: Run) -> Entries:
             yield f"{kind}, {axis}", f"not told: mass, damper and spring explain only {100 * found.explained:.0f} %"
             continue
         torque = axis == "theta"
-        yield f"{kind}, {axis}: K", _plus(found.stiffness, "N m/rad" if torque else "N/m")
-        yield f"{kind}, {axis}: B", _plus(found.damping, "N m s/rad" if torque else "N s/m")
+        yield f"{kind}, {axis}: K", with_error(*found.stiffness, "N m/rad" if torque else "N/m")
+        yield f"{kind}, {axis}: B", with_error(*found.damping, "N m s/rad" if torque else "N s/m")
         yield f"{kind}, {axis}: apparent damping b + B", _apparent(run, axis, found.damping)
-        mass = _plus(found.mass, "kg m²" if torque else "kg")
+        mass = with_error(*found.mass, "kg m²" if torque else "kg")
         yield f"{kind}, {axis}: mass, r²", f"{mass}, r² = {found.explained:.4f}"
     yield "how to read it", READ
 
@@ -154,7 +151,7 @@ def _apparent(run: Run, axis: str, damping: Estimate) -> str:
     if not np.isfinite(physical):
         return UNKNOWN
     unit = "N m s/rad" if axis == "theta" else "N s/m"
-    return _plus(Estimate(physical + damping.value, damping.error), unit)
+    return with_error(physical + damping.value, damping.error, unit)
 
 
 def oscillation(run: Run) -> Entries:
@@ -212,17 +209,13 @@ def trial(run: Run) -> Entries:
         yield f"mark at {time:.3f} s", text
 
 
-def _plus(estimate: Estimate, unit: str) -> str:
-    return with_error(estimate.value, estimate.error, unit)
-
-
 def stiffness(run: Run) -> str | None:
     """Fitted in contact, in the axis that tells most."""
     found = [fitted for (kind, axis), fitted in run.impedances.items() if kind == "contact" and axis != "theta"]
     if not found:
         return None
     best = min(found, key=lambda fitted: fitted.stiffness.error / abs(fitted.stiffness.value))
-    return with_error(best.stiffness.value, best.stiffness.error)
+    return with_error(*best.stiffness)
 
 
 def error(run: Run) -> str:

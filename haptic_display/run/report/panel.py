@@ -5,7 +5,6 @@ Each draws runs, which have a look each, into the axes that its figure makes for
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,11 +18,6 @@ from haptic_display.run.report.run import Run
 GRID = "0.9"
 Limits = tuple[float, float, float, float]  # left, right, bottom, top [mm]
 _NARROW = 0.35  # least width of a path's box by its height, and height by its width
-
-
-def check_path(run: Run) -> None:
-    """Raises ValueError where neither handle nor tool has a place."""
-    run.places(0)
 
 
 def path(grid: Sequence[Axes], runs: Sequence[Run], looks: Sequence[Look]) -> None:
@@ -92,27 +86,17 @@ def contacts(grid: Sequence[Axes], runs: Sequence[Run], looks: Sequence[Look]) -
     grid[0].set_ylabel("strongest on\nthe hand [N]")
 
 
-def check_impedance(run: Run) -> None:
-    """Raises ValueError where no motion told an impedance."""
-    if not _rows(run):
-        raise ValueError("no motion of the handle that told an impedance")
-
-
 def impedance(grid: Sequence[Axes], runs: Sequence[Run], looks: Sequence[Look]) -> None:
     """Fitted stiffness and damping of each axis, with confidence; of several runs in their colours."""
-    told = list(dict.fromkeys(row for run in runs for row in _rows(run)))
+    told = list(dict.fromkeys(row for run in runs for row in fitted(run)))
     for number, run in enumerate(runs):
-        rows = _rows(run)
-        for (kind, axis), fitted in rows.items():
+        rows = fitted(run)
+        for (kind, axis), one in rows.items():
             place = told.index((kind, axis)) + 0.6 * ((number + 0.5) / len(runs) - 0.5)
             label = run.name if (kind, axis) == next(iter(rows)) else None
-            for axes, estimate in zip(grid, (fitted.stiffness, fitted.damping), strict=True):
-                dots: dict[str, Any] = {
-                    "fmt": "o" if kind == "contact" else "s",
-                    "color": looks[number].colour,
-                    "label": label,
-                }
-                axes.errorbar(estimate.value, place, xerr=estimate.error, capsize=4, **dots)
+            dot, colour = "o" if kind == "contact" else "s", looks[number].colour
+            for axes, estimate in zip(grid, (one.stiffness, one.damping), strict=True):
+                axes.errorbar(estimate.value, place, xerr=estimate.error, fmt=dot, color=colour, label=label, capsize=4)
         for axes, value in zip(grid, gains(run.recording).values(), strict=False):
             look = looks[number] if len(runs) > 1 else Look(BLACK, "", DOTTED)
             axes.axvline(value, color=look.colour, linestyle=DOTTED, linewidth=1.2)
@@ -125,5 +109,8 @@ def impedance(grid: Sequence[Axes], runs: Sequence[Run], looks: Sequence[Look]) 
         grid[0].figure.legend(*grid[0].get_legend_handles_labels(), loc="outside upper left", ncols=3, fontsize=8)
 
 
-def _rows(run: Run) -> dict[tuple[str, str], Impedance]:
-    return {(kind, axis): fitted for (kind, axis), fitted in run.impedances.items() if axis != "theta"}
+def fitted(run: Run) -> dict[tuple[str, str], Impedance]:
+    """Fits in the plane. Raises ValueError where no motion told an impedance."""
+    if found := {(kind, axis): one for (kind, axis), one in run.impedances.items() if axis != "theta"}:
+        return found
+    raise ValueError("no motion of the handle that told an impedance")

@@ -2,6 +2,7 @@
 """The one list of what is told of a run: `--json`, the tables of commands and of the report are loops over it."""
 
 from collections.abc import Callable
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 from haptic_device.digits import UNKNOWN, amount, plain
@@ -14,16 +15,11 @@ Needs = Callable[[Run], str]
 """Why a run does not have it, in words; "" where it has."""
 
 
-def _trace(run: Run) -> str:
-    return run.no_trace
+_trace, _truth = attrgetter("no_trace"), attrgetter("no_truth")
 
 
 def _nothing(run: Run) -> str:
     return ""
-
-
-def _truth(run: Run) -> str:
-    return run.no_truth
 
 
 def _contacts(run: Run) -> str:

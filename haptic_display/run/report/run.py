@@ -247,7 +247,7 @@ class Run:
     @cached_property
     def impedances(self) -> dict[tuple[str, str], Impedance]:
         """The useful `fits`: in contact, only fits that explain the force."""
-        return {(kind, axis): found for (kind, axis), found in self.fits.items() if _telling(kind, found)}
+        return {what: found for what, found in self.fits.items() if what[0] == "free" or found.explained >= TELLING}
 
     @cached_property
     def fits(self) -> dict[tuple[str, str], Impedance]:
@@ -326,7 +326,3 @@ class Run:
         except (yaml.YAMLError, UnicodeDecodeError):
             return {}
         return content if isinstance(content, dict) else {}
-
-
-def _telling(kind: str, found: Impedance) -> bool:
-    return kind == "free" or found.explained >= TELLING

@@ -160,16 +160,6 @@ def apart(run: Run) -> tuple[float, float]:
     return float(np.sqrt(np.mean(distance**2, dtype=float))), float(np.max(distance))
 
 
-def strongest(run: Run) -> float | None:
-    """The simulation's strongest contact [N]."""
-    return greatest(run.recording, "max_contact_force")[0]
-
-
-def deepest(run: Run) -> float | None:
-    """The simulation's deepest overlap [m]."""
-    return greatest(run.recording, "max_penetration")[0]
-
-
 def on_hand(run: Run) -> float | None:
     """The strongest force on the hand in x, y [N]."""
     if not run.traced:
@@ -190,6 +180,13 @@ def greatest(recording: Recording, name: str) -> tuple[float | None, float | Non
     found = max((after for before, after in pairwise(known) if after != before), default=0.0)
     hidden = found < known[0] and _touched(recording)
     return (None, known[0]) if hidden else (found, found)
+
+
+def _greatest_of(name: str) -> Callable[[Run], float | None]:
+    return lambda run: greatest(run.recording, name)[0]
+
+
+strongest, deepest = _greatest_of("max_contact_force"), _greatest_of("max_penetration")  # contact [N], overlap [m]
 
 
 def _touched(recording: Recording) -> bool:

@@ -53,7 +53,8 @@ def verdict(run: Run) -> Verdict:
         >>> verdict(read_run("run/bag")).level
         'good'
     """
-    ending, rest = ([found for part in parts for found in part(run)] for parts in (_ENDING, _REST))
+    parts = _ENDING, _REST + (_OF_TICKS if run.traced else ())
+    ending, rest = ([found for part in some for found in part(run)] for some in parts)
     levels = {level for level, _ in ending + rest}
     worst = next((level for level in (BAD, WARN) if level in levels), GOOD)
     return Verdict(worst, *(" ".join(f"{sentence}." for _, sentence in part) for part in (ending, rest)))
@@ -129,7 +130,7 @@ def _withheld(run: Run) -> Findings:
 
 
 def _timing(run: Run) -> Findings:
-    if not run.traced or not run.rows["lateness"].any():  # in lock-step nothing can be late
+    if not run.rows["lateness"].any():  # in lock-step nothing can be late
         return
     missed, late, ticks = summary.missed(run), summary.late_samples(run), len(run.rows)
     said = [] if missed is None else [f"{missed} of {ticks} ticks missed"]
@@ -139,16 +140,12 @@ def _timing(run: Run) -> Findings:
 
 
 def _answers(run: Run) -> Findings:
-    if not run.traced:
-        return
     sent, answered = summary.sent(run), summary.answered(run)
     if sent and answered < (1.0 - LATE) * sent:
         yield WARN, f"Only {answered} of {sent} handle samples were answered"
 
 
 def _forces(run: Run) -> Findings:
-    if not run.traced:
-        return
     if reason := summary.no_residual(run):
         yield WARN, f"Not judged: forces ({reason})"
         return
@@ -158,4 +155,5 @@ def _forces(run: Run) -> Findings:
 
 
 _ENDING = (_faults, _job)
-_REST = (_whole, _energy, _withheld, _forces, _timing, _answers)
+_REST = (_whole, _energy, _withheld)
+_OF_TICKS = (_forces, _timing, _answers)
