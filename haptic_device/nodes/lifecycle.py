@@ -2,6 +2,7 @@
 """What all nodes have in common: a managed node that starts by itself, says how it is, and ends well."""
 
 import atexit
+import contextlib
 import signal
 import sys
 import threading
@@ -224,33 +225,29 @@ def run(make_node, name, args=None):
     A signal only sets a flag, also while the node starts: raised in the middle of anything it would leave threads that
     wait on what is then destroyed.
     """
-    told, node = hear_the_end(), None
-    try:
-        with own_participant_id(name):
-            begin_ros(args)
-            node = made(make_node)
-        refuse_files_of_others(node, name, args)
-        if said := ros_environment.discovery():
-            node.get_logger().info(said)
-        node.told = told
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        _autostart(node)
-        while not told and rclpy.ok():
-            node.serve(executor)
-            if node.failure:
-                node.end_failed()
-    except (ValueError, OSError) as refusal:
-        say(f"{name}: {in_words(refusal)}")
-        return 1
-    except KeyboardInterrupt:  # of jit.ensure_compiled, which was waiting
-        return 0
-    finally:
+    told = hear_the_end()
+    with contextlib.ExitStack() as ends:  # in the reverse order, each whatever the others do
+        ends.callback(rclpy.try_shutdown)
         try:
-            if node is not None:
-                node.finish()
-        finally:
-            if node is not None:
-                node.destroy_node()
-            rclpy.try_shutdown()
+            with own_participant_id(name):
+                begin_ros(args)
+                node = made(make_node)
+            ends.callback(node.destroy_node)
+            ends.callback(node.finish)
+            refuse_files_of_others(node, name, args)
+            if said := ros_environment.discovery():
+                node.get_logger().info(said)
+            node.told = told
+            executor = SingleThreadedExecutor()
+            executor.add_node(node)
+            _autostart(node)
+            while not told and rclpy.ok():
+                node.serve(executor)
+                if node.failure:
+                    node.end_failed()
+        except (ValueError, OSError) as refusal:
+            say(f"{name}: {in_words(refusal)}")
+            return 1
+        except KeyboardInterrupt:  # of jit.ensure_compiled, which was waiting
+            return 0
     return 1 if node.failure else 0
