@@ -18,11 +18,10 @@ def keys() -> Iterator[Callable[[], str]]:
     background, always ""."""
     try:
         descriptor = sys.stdin.fileno()
-        before = termios.tcgetattr(descriptor)
+        before = None if _in_background(descriptor) else termios.tcgetattr(descriptor)
     except (OSError, ValueError, AttributeError, termios.error):
-        yield lambda: ""
-        return
-    if _in_background(descriptor):
+        before = None
+    if before is None:
         yield lambda: ""
         return
     tty.setcbreak(descriptor)

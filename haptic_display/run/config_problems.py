@@ -63,10 +63,14 @@ def problems(path: Path, measure: Measure = _unknown) -> list[str]:
             f"neither an operating point ({SECTION}), a device description (axes) nor a scene (bodies, tool): "
             f"it has {', '.join(document) or 'no keys'}"
         )
-    except ConfigError as error:
-        return list(error.found)
     except ValueError as error:
-        return [str(error).removeprefix(f"{path}: ")]
+        return _sentences(error, path)
+
+
+def _sentences(error: ValueError, at: Any) -> list[str]:
+    """What is refused, without the name of the file in which it is."""
+    found = error.found if isinstance(error, ConfigError) else [str(error)]
+    return [sentence.removeprefix(f"{at}: ") for sentence in found]
 
 
 def _unfit(scene, method=AUTO) -> list[str]:
@@ -137,10 +141,8 @@ def _refused(look, at) -> list[str]:
     """What is said where a look at this raises it."""
     try:
         look(at)
-    except ConfigError as error:
-        return [sentence.removeprefix(f"{at}: ") for sentence in error.found]
     except ValueError as error:
-        return [str(error)]
+        return _sentences(error, at)
     return []
 
 

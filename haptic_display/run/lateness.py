@@ -65,7 +65,8 @@ def alone(rate: float, seconds: float, realtime: str = "prefer") -> tuple[Latene
     finally:
         thread.stop()
     rows = np.concatenate(kept)
-    return lateness_of(rows, thread.realtime), rows
+    missed = int(rows["missed"][-1] - rows["missed"][0]) if len(rows) else 0
+    return Lateness(np.sort(rows["lateness"]) * 1e6, missed, thread.realtime), rows
 
 
 def write_delay(rate: float, realtime: str) -> float | None:
@@ -80,9 +81,3 @@ def write_delay(rate: float, realtime: str) -> float | None:
     except (ValueError, OSError):
         return None
     return float(np.percentile(rows["lateness"] + rows["compute"], 99)) if len(rows) else None
-
-
-def lateness_of(rows: np.ndarray, scheduling: str) -> Lateness:
-    """Of the rows of a trace."""
-    missed = int(rows["missed"][-1] - rows["missed"][0]) if len(rows) else 0
-    return Lateness(np.sort(rows["lateness"]) * 1e6, missed, scheduling)
