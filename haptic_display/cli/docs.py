@@ -99,15 +99,12 @@ def docs(
 
 def fault_table() -> str:
     """The document of the faults, and of what withholds force."""
-    return (
-        FAULTS
-        + "".join(
-            f"| {fault.code} | `{fault.name}` | {fault.title} | {fault.cause} | {fault.motor} | {fault.first} |\n"
-            for fault in TABLE
-        )
-        + WITHHELD_FORCE
-        + "".join(f"| {each.bit} | `{each.name}` | {each.cause} | {each.cure} |\n" for each in WITHHELD)
+    faults = (
+        f"| {each.code} | `{each.name}` | {each.title} | {each.cause} | {each.motor} | {each.first} |\n"
+        for each in TABLE
     )
+    withheld = (f"| {each.bit} | `{each.name}` | {each.cause} | {each.cure} |\n" for each in WITHHELD)
+    return "".join((FAULTS, *faults, WITHHELD_FORCE, *withheld))
 
 
 def markdown(nodes: dict[str, tuple[Parameter, ...]]) -> str:

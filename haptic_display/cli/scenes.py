@@ -47,12 +47,8 @@ def scenes(
         typer.echo(gallery / "README.md")
         next_step(f"open {shown_path(gallery / 'README.md')}")
     if not (draw or explained or gallery):
-        _list()
-
-
-def _list():
-    console().print(table(COLUMNS, map(_row, names("scenes")), title="Scenes"))
-    next_step("haptic scenes --explain NAME, or haptic demo --view --scene NAME")
+        console().print(table(COLUMNS, map(_row, names("scenes")), title="Scenes"))
+        next_step("haptic scenes --explain NAME, or haptic demo --view --scene NAME")
 
 
 def _row(name):

@@ -87,11 +87,9 @@ def _next(found, live):
     if not live:
         return f"open {shown_path(found['figure'])}; haptic zwidth --live tries the walls on a device"
     quiet = found["live"]["quiet"]
-    return (
-        "haptic passivity says why"
-        if quiet is None
-        else f"haptic demo --scene wall --view; walls up to {plain(quiet, 'N/m')} stand still"
-    )
+    if quiet is None:
+        return "haptic passivity says why"
+    return f"haptic demo --scene wall --view; walls up to {plain(quiet, 'N/m')} stand still"
 
 
 def _draw(device, given, cells, lateness, out, workers, scheduler):

@@ -198,16 +198,16 @@ def _two_devices(loaded, given, values) -> Iterator[str]:
 
 def _differences(one, other) -> str:
     """Keys of two device descriptions that have not the same value, as they are written."""
-    keys = [
-        key
-        for key in type(one).model_fields
-        if key not in ("name", "axes") and getattr(one, key) != getattr(other, key)
-    ]
+    keys = [key for key in _unlike(one, other) if key not in ("name", "axes")]
     if len(one.axes) != len(other.axes):
         return ", ".join(["axes", *keys])
     for i, (a, b) in enumerate(zip(one.axes, other.axes, strict=True)):
-        keys += [f"axes[{i}].{key}" for key in type(a).model_fields if getattr(a, key) != getattr(b, key)]
+        keys += [f"axes[{i}].{key}" for key in _unlike(a, b)]
     return ", ".join(keys or ["name"])
+
+
+def _unlike(one, other) -> list[str]:
+    return [key for key in type(one).model_fields if getattr(one, key) != getattr(other, key)]
 
 
 def _scene_beyond(scene, device, values, start, scale) -> Iterator[str]:

@@ -22,17 +22,9 @@ def examine(seconds: float) -> dict:
     for rate in RATES:
         late, rows = alone(rate, seconds)
         trials[rate] = late.figures() | {"compute": float(rows["compute"][rows["compute"].argsort()[-10]]) * 1e6}
-    exchange = _exchange_us()
-    servo_rate = fastest(trials)
-    return {
-        "checks": checks,
-        "servo": trials,
-        "exchange_us_p99": exchange,
-        "choose": {
-            "servo.rate": servo_rate,
-            "exchange.rate": exchange_rate(servo_rate, exchange, trials, machine.cores()),
-        },
-    }
+    exchange, servo_rate = _exchange_us(), fastest(trials)
+    chosen = {"servo.rate": servo_rate, "exchange.rate": exchange_rate(servo_rate, exchange, trials, machine.cores())}
+    return {"checks": checks, "servo": trials, "exchange_us_p99": exchange, "choose": chosen}
 
 
 def fastest(trials: dict) -> int:
