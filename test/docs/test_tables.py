@@ -17,7 +17,7 @@ from haptic_device.config.parameters import EXCHANGE_METHODS
 from haptic_device.config.yaml_reader import load as load_yaml
 from haptic_device.control import enable_state, records
 from haptic_device.message_fields import AXES, TAIL, exchange_names, frame_id, truth_names
-from haptic_device.nodes import bridge, driver, exchange_server, loopback, recorder
+from haptic_device.nodes import driver, exchange_server, page_server, recorder
 from haptic_device.nodes.recorded_topics import KNOWN
 from haptic_device.realtime import scheduling, servo_thread
 from haptic_device.recording import ENTRY_UNITS, TRACE_UNITS
@@ -161,8 +161,8 @@ EQUAL = {  # what the page has, and what the code has
     "priorities": lambda: (
         {row[0]: int(row[1]) for row in rows(PLATFORM, "Priorities")},
         {
-            "plant": loopback.PRIORITY,
-            "bridge": bridge.PRIORITY,
+            "plant": page_server.PRIORITY,
+            "bridge": page_server.PRIORITY,
             "servo": servo_thread.PRIORITY,
             "middleware": driver.MIDDLEWARE_PRIORITY,
             "exchange": exchange_server.PRIORITY,
