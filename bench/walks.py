@@ -23,7 +23,7 @@ driver:__init__ > ros_parameters:on_change > _merged
 driver:__init__ > _check > _settings > controller_config:settings_unjudged > settings_of > records:SETTINGS
 controller_config:settings_unjudged > _set_walls
 driver:_settings > gain_check:judge > margins > _needs > control/passivity:least_damping
-driver:_check > _apply=_checked > _set > servo_thread:set > seqlock:put > atomic:publish
+driver:__init__ > _apply > _set > servo_thread:set > seqlock:put > atomic:publish
 servo_thread:set > _run=settings > __init__=_run_ticks > servo_loop:realtime > run_realtime > _take
 servo_loop:run_realtime > run_tick > servo:tick
 servo:tick > bumpless_transfer:follow > _follow > bumpless_walls:follow > _let_in > change_ledger:toward

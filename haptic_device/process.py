@@ -53,7 +53,7 @@ def own_environment() -> dict[str, str]:
 
 
 @contextlib.contextmanager
-def environment(settings: dict[str, str]):
+def environment(settings: dict[str, str]) -> Iterator[None]:
     """This environment has these settings until the block is over."""
     before = {name: os.environ.get(name) for name in settings}
     os.environ.update(settings)
@@ -61,7 +61,7 @@ def environment(settings: dict[str, str]):
         yield
     finally:
         for name, value in before.items():
-            os.environ.pop(name)
+            os.environ.pop(name, None)
             os.environ |= {} if value is None else {name: value}
 
 

@@ -69,7 +69,7 @@ class ManagedNode(Node):
         """Namespace and domain, as they are said."""
         return f"{self.get_namespace()}, domain {self.context.get_domain_id()}"
 
-    def take_values(self, values):
+    def take_values(self, values, checked=None):
         """Takes changed values, where nothing else is to be done about them."""
         self.values = values
 

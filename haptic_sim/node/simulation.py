@@ -57,12 +57,8 @@ class SimulationNode(ManagedNode):
         beside = ReentrantCallbackGroup()  # while it waits for its world others are served
         self.create_service(Trigger, "~/load_scene", self._on_load_scene, callback_group=beside)
         self.create_service(SetBool, "~/pause", self._on_pause)
-        on_change(
-            self,
-            NODES["haptic_simulation"],
-            lambda values: load(values["scene"]),
-            lambda values, _: self._apply(values),
-        )
+        # the parameter `scene` names what load_scene loads next
+        on_change(self, NODES["haptic_simulation"], lambda values: load(values["scene"]), self.take_values)
 
     def configure(self) -> None:
         """Loads the scene."""
@@ -178,10 +174,6 @@ class SimulationNode(ManagedNode):
         except Exception as error:
             world = sentence_of(error)
         built.set_result(world)
-
-    def _apply(self, values):
-        """The parameter `scene` names what load_scene loads next."""
-        self.values = values
 
     def _prepare(self):
         sys.setswitchinterval(GIL_SWITCH)
