@@ -202,7 +202,7 @@ def _lead(simulation, timed=None):
 def stack(blocks: int):
     """The scene `stack` with another number of blocks: two contacts each, and those of the tool."""
     text = yaml.safe_load(find("scenes", "stack").read_text())
-    del text["measure"]
+    del text["measure"], text["task"]
     floor, block = text["bodies"][0], text["bodies"][1]
     floor["shapes"][0]["half_plane"]["point"] = [0.0, -0.02 * blocks]
     text["bodies"] = [floor] + [

@@ -13,6 +13,7 @@ from bench.methods import table, world
 from bench.methods.measure import Run, run
 from bench.reference.case import case
 from bench.reference.reference import reference
+from bench.servo import costs
 from haptic_device.realtime import machine
 from haptic_display.run import machine_trial
 from haptic_sim.lockstep.error_metrics import STABLE, judge
@@ -58,6 +59,10 @@ def test_a_peer_that_cannot_model_a_scene_or_blows_up_is_marked_and_not_counted(
     # An undamped explicit coupling of 2000 N/m on 0.1 kg at 50 ms: far beyond 2/omega.
     unstable = run(case("pendulum"), reference("pendulum"), "pymunk", 50000)
     assert (unstable.status, unstable.counts) == ("unstable", False)
+
+
+def test_a_stack_of_any_height_is_the_shipped_scene_without_its_task():
+    assert [len(costs.stack(blocks).bodies) for blocks in (1, 3)] == [2, 4]
 
 
 def test_energy_from_nowhere_and_overlap_are_seen():
