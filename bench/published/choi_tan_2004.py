@@ -14,10 +14,10 @@ STIFFNESS = np.geomspace(100.0, 1e5, 121)
 
 def rise() -> list[float]:
     """Stiffest wall against which a light hand comes to rest at 40 kHz, over that at 250 Hz."""
-    fast, slow = map(clean, RATES)
+    fast, slow = map(_clean, RATES)
     return [fast / slow]
 
 
-def clean(rate: float) -> float:
+def _clean(rate):
     """Stiffest wall [N/m] against which a light hand comes to rest at this rate [Hz]."""
     return float(stiffest(HANDLE._replace(period=1.0 / rate), STIFFNESS, np.zeros(1))[0])

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A passivity observer and controller before a wall that is too stiff, and before one that is computed too rarely."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from haptic_device.control import passivity, velocity_estimator, virtual_wall
@@ -17,35 +15,29 @@ HAND_STIFFNESS, HAND_DAMPING, DEPTH, SPEED = 500.0, 5.0, 0.01, 0.2
 SECONDS = 2.0
 
 
-class Wall(NamedTuple):
-    """Stiffness [N/m], and servo ticks for which each force of the wall stays."""
-
-    stiffness: float
-    ticks: int
-
-
 def stiff() -> dict[str, float]:
     """Travel [mm] in the last second at 90 kN/m."""
-    return _both(Wall(90e3, 1))
+    return _both(90e3, 1)
 
 
 def rare() -> dict[str, float]:
     """Travel [mm] in the last second at 30 kN/m, the force computed at 66.7 Hz."""
-    return _both(Wall(30e3, 15))
+    return _both(30e3, 15)
 
 
-def _both(wall):
-    return {"without controller": _travel(wall, False), "with controller": _travel(wall, True)}
+def _both(*wall):
+    return {"without controller": _travel(*wall, False), "with controller": _travel(*wall, True)}
 
 
-def _travel(wall, controlled):
+def _travel(stiffness, ticks, controlled):
+    """Before a wall [N/m] each force of which stays for so many servo ticks."""
     x, v, seen, held, given, pushed, track = -0.02, SPEED, _read(-0.02), 0.0, 0.0, 0.0, []
     for k in range(round(SECONDS / PERIOD)):
         now = _read(x)
         rate = (now - seen) / PERIOD
         given += passivity.energy_booked(held, now - seen, 0.0, PERIOD)
-        if k % wall.ticks == 0:
-            pushed = -virtual_wall.wall_force(wall.stiffness, 0.0, now, 0.0)
+        if k % ticks == 0:
+            pushed = -virtual_wall.wall_force(stiffness, 0.0, now, 0.0)
         damper = passivity.injected_damping(given, 0.0, rate, PERIOD, MASS / PERIOD) if controlled else 0.0
         seen, held = now, float(np.clip(pushed - damper * rate, -LIMIT, LIMIT))
         push = held + HAND_STIFFNESS * DEPTH

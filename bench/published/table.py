@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Published results beside ours: one table, and a page; exit code 1 where one is out of its tolerance."""
 
+import importlib
+import inspect
 import textwrap
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -9,22 +11,6 @@ from typing import Annotated, NamedTuple
 import typer
 
 from bench.jobs import markdown
-from bench.published import (
-    abbott_okamura_2005,
-    adams_hannaford_1999,
-    brown_1995,
-    chawda_2015,
-    choi_tan_2004,
-    colgate_1995,
-    colgate_brown_1994,
-    diolaiti_2006,
-    gil_2009,
-    gillespie_cutkosky_1996,
-    hannaford_ryu_2002,
-    hogan_kristiansen_2017,
-    lee_huang_2010,
-    whitney_1982,
-)
 from bench.published.source import EXACT, ORDER, SHAPE, Result, Source, agrees, load, missing
 from haptic_device.config.files import ConfigError
 
@@ -32,31 +18,14 @@ FOLDER = Path(__file__).parent
 HEADS = "source", "what", "published", "ours", "tolerance", "kind", "verdict"
 KEPT, LEFT = "kept", "**left**"
 _OUT = "File for the page, written only if all results are kept."
+MODULES = [importlib.import_module(f"bench.published.{file.stem}") for file in sorted(FOLDER.glob("*.yaml"))]
 OURS: dict[str, Callable] = {
-    "abbott_okamura_2005.damping": abbott_okamura_2005.damping,
-    "abbott_okamura_2005.friction": abbott_okamura_2005.friction,
-    "adams_hannaford_1999.coupling": adams_hannaford_1999.coupling,
-    "brown_1995.filtered": brown_1995.filtered,
-    "hogan_kristiansen_2017.friction": hogan_kristiansen_2017.friction,
-    "chawda_2015.low": chawda_2015.low,
-    "chawda_2015.none": chawda_2015.none,
-    "choi_tan_2004.rise": choi_tan_2004.rise,
-    "colgate_1995.cancelled": colgate_1995.cancelled,
-    "colgate_1995.coupling": colgate_1995.coupling,
-    "colgate_1995.paths": colgate_1995.paths,
-    "colgate_1995.shaking": colgate_1995.shaking,
-    "colgate_1995.wall": colgate_1995.wall,
-    "colgate_brown_1994.widths": colgate_brown_1994.widths,
-    "diolaiti_2006.stable": diolaiti_2006.stable,
-    "gil_2009.boundary": gil_2009.boundary,
-    "gillespie_cutkosky_1996.heights": gillespie_cutkosky_1996.heights,
-    "hannaford_ryu_2002.rare": hannaford_ryu_2002.rare,
-    "hannaford_ryu_2002.stiff": hannaford_ryu_2002.stiff,
-    "lee_huang_2010.energy": lee_huang_2010.energy,
-    "whitney_1982.held": whitney_1982.held,
-    "whitney_1982.slides": whitney_1982.slides,
+    f"{module.__name__.rpartition('.')[2]}.{name}": function
+    for module in MODULES
+    for name, function in inspect.getmembers(module, inspect.isfunction)
+    if function.__module__ == module.__name__ and not name.startswith("_")
 }
-"""What a YAML file may name under `ours`."""
+"""What a YAML file may name under `ours`: the functions of the modules of the same names, but for their helpers."""
 
 
 class Row(NamedTuple):
