@@ -4,6 +4,7 @@
 import numpy as np
 
 from adversary.switching import switched_cancellation_damping
+from bench.reference.bisection import bisected
 from bench.reference.boundary import CASES, boundary_stiffness
 from bench.reference.closed_forms import (
     delayed_wall_damping,
@@ -17,7 +18,7 @@ from haptic_device.theory.stability import largest_stable_stiffness
 from haptic_device.theory.transfer import wall_transfer
 from haptic_device.theory.zwidth import Operator, Setup
 
-DRAWS = 2000
+DRAWS, HALVINGS = 2000, 24
 
 
 def main() -> None:
@@ -100,11 +101,8 @@ def negative_damping():
 
 def mu_threshold(damping):
     """Least b/(KT) by the μ test, for B/(KT)."""
-    low, high, wall = 0.1, 10.0, wall_transfer(1.0, damping, 1.0)
-    while high - low > 1e-6:
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if mu_margin(wall, 1.0, middle) > 0.0 else (middle, high)
-    return low
+    wall = wall_transfer(1.0, damping, 1.0)
+    return bisected(lambda b: mu_margin(wall, 1.0, b) > 0.0, 0.1, 10.0, HALVINGS)
 
 
 def shaking():

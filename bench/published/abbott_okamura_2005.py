@@ -3,6 +3,7 @@
 
 import numpy as np
 
+from bench.reference.bisection import bisected
 from haptic_device.control import velocity_estimator, virtual_wall
 
 BRACKET, HALVINGS = (0.3, 0.7), 8
@@ -20,12 +21,8 @@ def friction() -> list[float]:
 
 
 def _least(drawn):
-    """The value above which no path draws energy, by bisection."""
-    low, high = BRACKET
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if drawn(middle) > LEAST else (low, middle)
-    return 0.5 * (low + high)
+    """The value above which no path draws energy."""
+    return bisected(lambda value: drawn(value) <= LEAST, *BRACKET, HALVINGS)
 
 
 def _drawn(physical_damping, coulomb, longest, cells, deepest):

@@ -3,6 +3,7 @@
 
 import numpy as np
 
+from bench.reference.bisection import bisected
 from haptic_device.theory.transfer import wall_transfer
 
 DAMPINGS = 0.0, 0.25, 1.0
@@ -14,15 +15,7 @@ HALVINGS = 40
 
 def coupling() -> list[float]:
     """Least b/(KT) by the criterion on a grid of frequencies, by bisection."""
-    return [_least(damping) for damping in DAMPINGS]
-
-
-def _least(damping):
-    low, high = 0.0, 10.0
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if _stable(_hybrid(middle, damping)) else (middle, high)
-    return 0.5 * (low + high)
+    return [bisected(lambda b, B=B: _stable(_hybrid(b, B)), 0.0, 10.0, HALVINGS) for B in DAMPINGS]
 
 
 def _stable(h):

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 
+from bench.reference.bisection import bisected
 from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.protocol import held
 from haptic_sim.reduction import reduce_scene
@@ -14,21 +15,14 @@ ANGLES = tuple(math.radians(degrees) for degrees in (55.0, 60.0, 65.0, 70.0)) + 
 """Of the rod over the floor; the last one needs the least friction."""
 HALF, THICK = 0.5, 1e-4
 """Half the rod's length and thickness in the shipped scene [m]."""
-STEP, STEPS, JUMP = 1e-6, 20, 0.3
-"""s; sub-steps; change of speed that no finite force makes in that time [m/s, rad/s]."""
+STEP, STEPS, JUMP, HALVINGS = 1e-6, 20, 0.3, 10
+"""s; sub-steps; change of speed that no finite force makes in that time [m/s, rad/s]; of the bracket."""
 
 
 def friction() -> list[float]:
     """Least coefficient of friction, over the angles, at which the sliding rod's speed jumps."""
-    return [min(_least(angle) for angle in ANGLES)]
-
-
-def _least(angle):
-    low, high = 1.0, 2.0
-    while high - low > 1e-3:
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if _change(middle, angle) > JUMP else (middle, high)
-    return 0.5 * (low + high)
+    least = (bisected(lambda mu, angle=angle: _change(mu, angle) > JUMP, 1.0, 2.0, HALVINGS) for angle in ANGLES)
+    return [min(least)]
 
 
 def _change(friction, angle):

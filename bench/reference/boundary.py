@@ -26,8 +26,6 @@ def boundary_stiffness(setup, operators, damping, high, precision=1e-3):
         return high
     while high - low > precision * high:
         middle = 0.5 * (low + high)
-        if run_cells(setup, operators, middle, damping).assessment == SHAKING:
-            high = middle
-        else:
-            low = middle
+        shakes = run_cells(setup, operators, middle, damping).assessment == SHAKING
+        low, high = (low, middle) if shakes else (middle, high)
     return 0.5 * (low + high)
