@@ -7,6 +7,7 @@ import sys
 import typer
 
 from haptic_display.cli.main import ending_in_a_sentence
+from haptic_display.run.processes import NodeDiedError, interruptible
 
 COMMANDS = {  # name: (module with a `main`, what it measures)
     "all": ("bench.all", "the short or the full form of nine of these into a folder, and the one table made of it"),
@@ -48,7 +49,11 @@ def _run(name, *words):
         raise ValueError(f"measurement is {name!r}; it must be one of {', '.join(COMMANDS)}")
     command = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
     command.command()(importlib.import_module(COMMANDS[name][0]).main)
-    command(words, prog_name=f"python -m bench {name}")
+    with interruptible():
+        try:
+            command(words, prog_name=f"python -m bench {name}")
+        except NodeDiedError as error:  # a node that ends by itself ends the command as any refusal does
+            raise ValueError(str(error)) from None
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ import contextlib
 import csv
 import math
 import os
+import statistics
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -12,7 +13,6 @@ import typer
 
 from haptic_device.theory.sweep import spread
 from haptic_display.cli.progress import progress
-from haptic_display.run.processes import NodeDiedError, interruptible
 
 WORKERS = "Processes at once [one a core]."
 
@@ -24,22 +24,19 @@ class Kept:
     """
 
     def __init__(self, path: Path | None = None, kind: type = tuple, key: Callable = hash):
-        self._path, self._key, self.known = path, key, {}
+        self._path, self._kind, self.known = path, kind, {}
         if path is None:
             return
         if not path.parent.is_dir():
             raise ValueError(f"{path} cannot be written: there is no folder {path.parent}")
         if path.exists():
             self.known = {key(row): row for row in read_csv(path, kind)}
-            write_csv(path, kind, self.known.values())  # without a line that was torn off
 
     def keep(self, key, row) -> None:
         """Keeps the row of a run, at once."""
         self.known[key] = row
         if self._path is not None:
-            new = not self._path.exists()
-            with self._path.open("a", encoding="utf-8", newline="") as file:
-                csv.writer(file, lineterminator="\n").writerows([*([row._fields] if new else []), row])
+            write_csv(self._path, self._kind, self.known.values())
 
 
 def write_csv(path: Path, kind: type, rows: Iterable) -> None:
@@ -78,7 +75,7 @@ def sweep(function, jobs: dict, kept: Kept, workers: int = 1) -> bool:
     todo = {key: arguments for key, arguments in jobs.items() if key not in kept.known}
     alone = ((key, function(*arguments)) for key, arguments in todo.items())
     try:
-        with interruptible(), progress(len(jobs)) as show:
+        with progress(len(jobs)) as show:
             show(len(jobs) - len(todo), "begins")
             many = min(workers, len(todo)) > 1
             with contextlib.closing(spread(function, todo, workers) if many else alone) as results:
@@ -110,13 +107,10 @@ def _cell(value):
     return "–" if value is None else str(value)
 
 
-@contextlib.contextmanager
-def deaths_told():
-    """A node that ends by itself ends the command as any refusal does: ValueError with its sentence."""
-    try:
-        yield
-    except NodeDiedError as error:
-        raise ValueError(str(error)) from None
+def medians(rows: list[dict], names: Iterable[str]) -> dict:
+    """{name: median over the rows that have a number}; None where none has one."""
+    known = {name: [row[name] for row in rows if row[name] is not None] for name in names}
+    return {name: statistics.median(values) if values else None for name, values in known.items()}
 
 
 def listed(given: str | None, known, what: str = "") -> tuple[str, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from bench.exchange.motion import CIRCLE, PRESS, SECONDS, run, stiffness
-from bench.jobs import WORKERS, Kept, deaths_told, markdown, sweep
+from bench.jobs import WORKERS, Kept, markdown, sweep
 from haptic_device.config.parameters import EXCHANGE_METHODS, OPERATING_POINT
 from haptic_display.cli.progress import INTERRUPTED
 from haptic_sim.lockstep.lockstep import Network
@@ -86,8 +86,7 @@ def main(
     ]
     kept = Kept(table, Row, lambda row: row[:7])
     jobs = {(*case, params, live): (case, params, live) for case in cases}
-    with deaths_told():
-        whole = sweep(_row, jobs, kept, 1 if live else workers or len(os.sched_getaffinity(0)))
+    whole = sweep(_row, jobs, kept, 1 if live else workers or len(os.sched_getaffinity(0)))
     found = {case: Figures(*kept.known[key][7:]) for key, (case, *_) in jobs.items() if key in kept.known}
     if as_json:
         rows = [

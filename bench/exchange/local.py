@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from bench.exchange.felt import NETWORKS, Felt, compare, insertion, measure
-from bench.jobs import deaths_told, markdown
+from bench.jobs import markdown
 from haptic_device.config.parameters import EXCHANGE_METHODS
 
 TASKS = ("wall", "corner", "peg_in_hole", "wrench_on_nut", "push_block")
@@ -43,8 +43,7 @@ def main(
     for part in only or ():
         if part not in jobs:
             raise ValueError(f"--only {part}: it must be one of {', '.join(jobs)}")
-    with deaths_told():
-        found = {part: [_do(live, params, part, *job) for job in jobs[part]] for part in only or jobs}
+    found = {part: [_do(live, params, part, *job) for job in jobs[part]] for part in only or jobs}
     if as_json:
         typer.echo(json.dumps({"live": live, **found}))
         return

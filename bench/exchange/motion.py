@@ -15,7 +15,6 @@ from haptic_device.config.parameter_files import read_operating_point
 from haptic_device.config.parameter_types import defaults
 from haptic_device.recording import load as load_recording
 from haptic_display.cli.demo import play
-from haptic_display.run.processes import interruptible
 from haptic_display.run.report.conditions import period
 from haptic_display.run.report.run import Run
 from haptic_display.run.report.summary import energy_to_operator, engaged_rows, faults, given_to_tool
@@ -98,7 +97,7 @@ def _in_lockstep(scene, method, network, device, driver, hand, seconds, params):
 def _live(scene, method, network, device, driver, hand, seconds, params):
     """The nodes as processes, behind a relay if there is a network; rows from engaging on, from the recording."""
     print(f"live: {method}, {scene.name}", file=sys.stderr)
-    with tempfile.TemporaryDirectory(prefix="haptic_") as folder, interruptible():
+    with tempfile.TemporaryDirectory(prefix="haptic_") as folder:
         world, described = (_written(Path(folder) / name, one) for name, one in (("scene", scene), ("device", device)))
         given = {
             "haptic_driver": {**driver, "device": described},

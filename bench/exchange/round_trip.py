@@ -11,11 +11,11 @@ from typing import Annotated
 
 import typer
 
-from bench.jobs import deaths_told, markdown
+from bench.jobs import markdown, medians
 from bench.servo.load import cores
 from haptic_display.device_tools.tuning import Tuning
 from haptic_display.run.domain import isolated_domain
-from haptic_display.run.processes import Nodes, Program, interruptible
+from haptic_display.run.processes import Nodes, Program
 
 RATES = (500.0, 1000.0, 2000.0)  # [Hz]
 SECONDS, TURNS = 4.0, 5
@@ -43,12 +43,7 @@ def measure(rates, turns: int = TURNS, seconds: float = SECONDS) -> list[dict]:
     """One entry a rate and answerer: medians over the turns of round trip p50, p99 [us], share answered, and the
     processor time of each node as a share of a core; `ratio`: of the p50 to the bare one's, the median of the turns."""
     found = []
-    with (
-        interruptible(),
-        deaths_told(),
-        tempfile.TemporaryDirectory() as folder,
-        isolated_domain(Path(folder)) as domain,
-    ):
+    with tempfile.TemporaryDirectory() as folder, isolated_domain(Path(folder)) as domain:
         for rate in rates:
             runs = {name: [] for name in ANSWERERS}
             for turn in range(turns):
@@ -57,7 +52,8 @@ def measure(rates, turns: int = TURNS, seconds: float = SECONDS) -> list[dict]:
                     runs[name].append(_once(domain, answerer, rate, seconds))
             pairs = zip(runs["simulation"], runs["bare"], strict=True)
             ratio = statistics.median(one["p50_us"] / other["p50_us"] for one, other in pairs)
-            found += [{"rate": rate, "answerer": name, "ratio": ratio, **_medians(many)} for name, many in runs.items()]
+            for name, many in runs.items():
+                found.append({"rate": rate, "answerer": name, "ratio": ratio, **medians(many, many[0])})
     return found
 
 
@@ -80,7 +76,3 @@ def _once(domain, answerer, rate, seconds):
 
 def _counted(tuning):
     return [int(tuning.said(f"exchange_{word}")) for word in ("answered", "sent")]
-
-
-def _medians(runs):
-    return {name: statistics.median(run[name] for run in runs) for name in runs[0]}

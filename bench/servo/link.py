@@ -14,9 +14,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from bench.jobs import markdown
+from bench.jobs import markdown, medians
 from bench.servo.link_rig import Pair, Rig
-from haptic_display.run.processes import interruptible
 
 TRANSPORTS = "udp", "pty"
 RATES = (1000.0, 4000.0)  # [Hz]
@@ -37,8 +36,7 @@ def main(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the tables.")] = False,
 ) -> None:
     """Sample in hand after its deadline over UDP and a pseudo-terminal, beside a bare pair; the device's clock."""
-    with interruptible():
-        found = {"waits": waits(rate or RATES, seconds, turns), "clock": [clock(name) for name in TRANSPORTS]}
+    found = {"waits": waits(rate or RATES, seconds, turns), "clock": [clock(name) for name in TRANSPORTS]}
     typer.echo(json.dumps(found) if as_json else table(found))
 
 
@@ -66,7 +64,7 @@ def _ours(transport, rate, count):
 def of_turns(both) -> dict:
     """Of (ours, pair's) waits [ns] in each turn: medians; a ratio is None where one of them had nothing in time."""
     ours, pair = ([_figures(one) for one in column] for column in zip(*both, strict=True))
-    found = {"ours": _medians(ours), "pair": _medians(pair)}
+    found = {"ours": medians(ours, QUANTITIES), "pair": medians(pair, QUANTITIES)}
     for name in ("p50", "p99"):
         ratios = [a[name] / b[name] for a, b in zip(ours, pair, strict=True) if a[name] and b[name]]
         found[f"{name}_ratio"] = statistics.median(ratios) if ratios else None
@@ -77,11 +75,6 @@ def _figures(waits):
     came = waits[waits >= 0] * 1e-3
     known = {name: float(np.percentile(came, at)) if came.size else None for name, at in (("p50", 50), ("p99", 99))}
     return known | {"late": float(np.mean(waits < 0))}
-
-
-def _medians(turns):
-    known = {name: [one[name] for one in turns if one[name] is not None] for name in QUANTITIES}
-    return {name: statistics.median(values) if values else None for name, values in known.items()}
 
 
 def clock(transport: str, until: float = LATER) -> dict:

@@ -11,12 +11,12 @@ from typing import Annotated
 import psutil
 import typer
 
-from bench.jobs import deaths_told, markdown
+from bench.jobs import markdown
 from haptic_device.config.files import find
 from haptic_display.device_tools.tuning import Tuning
 from haptic_display.run.domain import isolated_domain
 from haptic_display.run.prepare import prepare
-from haptic_display.run.processes import Nodes, Program, interruptible
+from haptic_display.run.processes import Nodes, Program
 
 SETTLING = 2.0  # [s] after engaging
 
@@ -27,8 +27,7 @@ def main(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
 ) -> None:
     """Processor time and memory (PSS) of device, driver, simulation and recorder: 4 kHz servo, 1 kHz exchange."""
-    with interruptible(), deaths_told():
-        found = measure(seconds, scene)
+    found = measure(seconds, scene)
     if as_json:
         typer.echo(json.dumps(found))
         return

@@ -8,10 +8,9 @@ from typing import Annotated
 
 import typer
 
-from bench.jobs import deaths_told, markdown
-from bench.servo import cyclictest
-from haptic_display.run import lateness as servo_lateness
-from haptic_display.run.processes import interruptible
+from bench.jobs import markdown, medians
+from bench.servo.cyclictest import cyclictest, why_missing
+from haptic_display.run.lateness import RATES, alone
 
 QUANTITIES = ("ticks", "missed", "p50", "p99", "p999", "max")
 _RATE = "Servo rate [Hz], 500 to 10000; may be repeated [1000 2000 4000 8000 10000]."
@@ -25,8 +24,7 @@ def main(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
 ) -> None:
     """Lateness of the servo with real-time priority and without, beside cyclictest."""
-    with interruptible(), deaths_told():
-        cases = lateness(rate or servo_lateness.RATES, seconds, turns)
+    cases = lateness(rate or RATES, seconds, turns)
     for lack in _lacking(cases):
         typer.echo(f"bench: {lack}", err=True)
     typer.echo(json.dumps({"lateness": cases}) if as_json else table(cases))
@@ -38,35 +36,26 @@ def lateness(rates, seconds: float, turns: int) -> list[dict]:
     for rate in rates:
         for realtime in ("prefer", "off"):
             print(f"{rate:g} Hz, realtime {realtime}", file=sys.stderr, flush=True)
-            pairs = [(_alone(rate, seconds, realtime), _beside(rate, seconds, realtime)) for _ in range(turns)]
+            wanted = rate, seconds, realtime
+            pairs = [(alone(*wanted)[0], cyclictest(*wanted)) for _ in range(turns)]
             cases.append({"rate": rate, "realtime": realtime, **_medians(pairs)})
     return cases
-
-
-def _alone(rate, seconds, realtime):
-    return servo_lateness.alone(rate, seconds, realtime)[0]
-
-
-def _beside(rate, seconds, realtime):
-    return cyclictest.cyclictest(rate, seconds, realtime)
 
 
 def _medians(pairs):
     ours = [one.figures() for one, _ in pairs]
     both = [(one.figures(), other.figures()) for one, other in pairs if other is not None]
-    found = {name: statistics.median(one[name] for one in ours) for name in QUANTITIES}
-    found["scheduling"] = ours[0]["scheduling"]
+    found = medians(ours, QUANTITIES) | {"scheduling": ours[0]["scheduling"]}
     if not both:
         return found | {"cyclictest": None, "p99_ratio": None}
-    beside = {name: statistics.median(other[name] for _, other in both) for name in QUANTITIES}
     ratio = statistics.median(a["p99"] / max(1.0, b["p99"]) for a, b in both)
-    return found | {"cyclictest": beside, "p99_ratio": ratio}
+    return found | {"cyclictest": medians([other for _, other in both], QUANTITIES), "p99_ratio": ratio}
 
 
 def _lacking(cases):
     """What there was no cyclictest or no real-time priority for, a sentence each."""
     if any(case["cyclictest"] is None for case in cases):
-        yield cyclictest.why_missing()
+        yield why_missing()
     yield from sorted({case["scheduling"] for case in cases if "no SCHED_FIFO" in case["scheduling"]})
 
 

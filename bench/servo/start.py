@@ -4,19 +4,19 @@
 import contextlib
 import json
 import os
-import statistics
 import tempfile
 import time
 from pathlib import Path
 from typing import Annotated
+from unittest.mock import patch
 
 import psutil
 import typer
 
-from bench.jobs import deaths_told, markdown
+from bench.jobs import markdown, medians
 from haptic_device.config.files import find
 from haptic_display.run.domain import isolated_domain
-from haptic_display.run.processes import NAMESPACE, Nodes, Program, interruptible
+from haptic_display.run.processes import NAMESPACE, Nodes, Program
 
 READY = {  # the diagnostic entry that a node counts up in once it does its work
     "haptic_loopback": "driven",
@@ -33,8 +33,7 @@ def main(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
 ) -> None:
     """Start-up of the three nodes at once: with an empty cache of kernels, and from that cache."""
-    with interruptible(), deaths_told():
-        found = measure(scene, again)
+    found = measure(scene, again)
     typer.echo(json.dumps(found) if as_json else _shown(found))
 
 
@@ -44,7 +43,10 @@ def measure(scene: str = "peg_in_hole", again: int = 3) -> dict:
     ValueError for a scene that is none, NodeDiedError.
     """
     path = str(find("scenes", scene).absolute())
-    with tempfile.TemporaryDirectory(prefix="haptic_") as folder, _cache(Path(folder) / "cache"):
+    with (
+        tempfile.TemporaryDirectory(prefix="haptic_") as folder,
+        patch.dict(os.environ, XDG_CACHE_HOME=f"{folder}/cache"),
+    ):
         (first, memory), *others = (_once(Path(folder), path) for _ in range(1 + again))
     return {"scene": scene, "first": first, "first_pss_mb": memory, "again": [ready for ready, _ in others]}
 
@@ -75,21 +77,8 @@ def _once(folder, scene):
     return ready, memory
 
 
-@contextlib.contextmanager
-def _cache(folder):
-    """Processes started meanwhile keep their kernels in this folder."""
-    before = os.environ.get("XDG_CACHE_HOME")
-    os.environ["XDG_CACHE_HOME"] = str(folder)
-    try:
-        yield
-    finally:
-        del os.environ["XDG_CACHE_HOME"]
-        if before is not None:
-            os.environ["XDG_CACHE_HOME"] = before
-
-
 def _shown(found):
     heads = ("node", "very first start s", "later (median) s", "memory, very first MB")
-    later = {name: statistics.median(one[name] for one in found["again"]) for name in READY}
+    later = medians(found["again"], READY)
     rows = [[name, found["first"][name], later[name], found["first_pss_mb"][name]] for name in READY]
     return markdown(heads, rows)
