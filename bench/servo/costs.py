@@ -3,6 +3,8 @@
 
 import json
 import time
+from collections.abc import Callable
+from functools import partial
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -26,7 +28,7 @@ from haptic_sim.scene.language import load, parse
 
 REPEATS = 7  # of which the fastest counts
 EXCHANGES = 600  # of which the first third is not counted
-SUB_STEPS = (1e-3, 0.5e-3, 0.25e-3, 0.125e-3)  # [s]
+SUB_STEPS = (1, 2, 4, 8)  # in a millisecond
 BLOCKS = (1, 2, 4, 6, 8)
 METHODS = ("partitioned", "impulse")
 LED, TURNS, SHIPPED = ("peg_in_hole", "wall"), 3, 1.0
@@ -82,8 +84,9 @@ def table(found: dict) -> str:
     return "\n\n".join([markdown(heads, costs), markdown(behind, ports), said])
 
 
-def line(what: str, grows_with: str, counts, microseconds) -> Cost:
-    """The line of least squares through the points."""
+def line(what: str, grows_with: str, counts, cost: Callable) -> Cost:
+    """The line of least squares through the points; cost: count → [us]."""
+    microseconds = [cost(count) for count in counts]
     slope, base = np.polyfit(counts, microseconds, 1)
     apart = np.max(np.abs(np.polyval((slope, base), counts) / np.array(microseconds) - 1.0))
     return Cost(what, grows_with, float(base), float(slope), float(apart))
@@ -91,30 +94,23 @@ def line(what: str, grows_with: str, counts, microseconds) -> Cost:
 
 def measure() -> list[Cost]:
     """All of them; about half a minute."""
-    cells = (2000, 4000, 8000, 16000)
+    peg = {f"exchange of peg_in_hole, {method}": partial(_of_peg, method) for method in METHODS}
+    stacks = {f"exchange of a stack, {method}": partial(_of_stack, method) for method in METHODS}
     return [
-        line("tick", "axis", (1, 2, 3), [tick(axes=n) for n in (1, 2, 3)]),
-        line("tick", "wall", (0, 2, 4, 8), [tick(walls=n) for n in (0, 2, 4, 8)]),
-        *(
-            line(
-                f"exchange of peg_in_hole, {method}",
-                "sub-step",
-                [1e-3 / step for step in SUB_STEPS],
-                [exchange(load("peg_in_hole"), method, step) for step in SUB_STEPS],
-            )
-            for method in METHODS
-        ),
-        *(
-            line(
-                f"exchange of a stack, {method}",
-                "block (2 contacts)",
-                BLOCKS,
-                [exchange(stack(n), method, 0.25e-3) for n in BLOCKS],
-            )
-            for method in METHODS
-        ),
-        line("Z-width map", "cell", cells, [sweep(n, 1)[0] for n in cells]),
+        line("tick", "axis", (1, 2, 3), lambda count: tick(axes=count)),
+        line("tick", "wall", (0, 2, 4, 8), lambda count: tick(walls=count)),
+        *(line(what, "sub-step", SUB_STEPS, cost) for what, cost in peg.items()),
+        *(line(what, "block (2 contacts)", BLOCKS, cost) for what, cost in stacks.items()),
+        line("Z-width map", "cell", (2000, 4000, 8000, 16000), lambda count: sweep(count, 1)[0]),
     ]
+
+
+def _of_peg(method, count):
+    return exchange(load("peg_in_hole"), method, 1e-3 / count)
+
+
+def _of_stack(method, blocks):
+    return exchange(stack(blocks), method, 0.25e-3)
 
 
 def tick(axes: int = 3, walls: int = 4, ticks: int = 4000) -> float:
