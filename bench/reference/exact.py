@@ -9,15 +9,19 @@ import math
 import numpy as np
 from scipy.special import ellipj, ellipk
 
-from bench.reference.exact_axis import Axis, axis_motion
+from bench.reference.exact_axis import Axis, seen, turning
 from haptic_sim.lockstep.error_metrics import Case
-from haptic_sim.lockstep.rollout import EXCHANGE_NS
 from haptic_sim.scene.geometry import turned
 
 
 def looks(case: Case) -> np.ndarray:
     """Times of the looks [s]."""
     return np.arange(round(case.seconds * 1e9) // case.look + 1) * case.look * 1e-9
+
+
+def _poses(x, y=0.0, angle=0.0):
+    """(n, 3) of coordinates at the looks, or of ones that stay."""
+    return np.column_stack(np.broadcast_arrays(x, y, angle))
 
 
 def pendulum(case: Case) -> dict[str, np.ndarray]:
@@ -29,8 +33,7 @@ def pendulum(case: Case) -> dict[str, np.ndarray]:
     k = math.sin(0.5 * start)
     sn = ellipj(ellipk(k * k) + rate * looks(case), k * k)[0]
     angle = 2.0 * np.arcsin(k * sn) - 0.5 * math.pi
-    x, y, _ = rod.pose
-    return {"rod": np.column_stack([np.full_like(angle, x), np.full_like(angle, y), angle])}
+    return {"rod": _poses(*rod.pose[:2], angle)}
 
 
 def zeno_ball(case: Case) -> dict[str, np.ndarray]:
@@ -62,8 +65,7 @@ def collinear(case: Case) -> dict[str, np.ndarray]:
     after = np.maximum(times - met, 0.0)
     first = striker.pose[0] + v * np.minimum(times, met) + (ratio - e) / (ratio + 1.0) * v * after
     second = struck.pose[0] + ratio * (1.0 + e) / (ratio + 1.0) * v * after
-    level = np.zeros_like(times)
-    return {"striker": np.column_stack([first, level, level]), "struck": np.column_stack([second, level, level])}
+    return {"striker": _poses(first), "struck": _poses(second)}
 
 
 def falling_rod(case: Case) -> dict[str, np.ndarray]:
@@ -75,15 +77,8 @@ def falling_rod(case: Case) -> dict[str, np.ndarray]:
     met = (rod.pose[1] + drop) / -rod.velocity[1]
     impulse = -rod.velocity[1] / (1.0 / mass + arm * arm / inertia)
     after = np.maximum(times - met, 0.0)
-    return {
-        "rod": np.column_stack(
-            [
-                np.full_like(times, rod.pose[0]),
-                rod.pose[1] + rod.velocity[1] * times + impulse / mass * after,
-                rod.pose[2] + arm * impulse / inertia * after,
-            ]
-        )
-    }
+    height = rod.pose[1] + rod.velocity[1] * times + impulse / mass * after
+    return {"rod": _poses(rod.pose[0], height, rod.pose[2] + arm * impulse / inertia * after)}
 
 
 def incline(case: Case) -> dict[str, np.ndarray]:
@@ -91,29 +86,30 @@ def incline(case: Case) -> dict[str, np.ndarray]:
     block, times = case.scene.bodies[1], looks(case)
     gx, gy = case.scene.gravity
     way = 0.5 * (gx + case.scene.material(block).friction * gy) * times**2
-    still = np.full_like(times, block.pose[1])
-    return {"block": np.column_stack([block.pose[0] + way, still, np.zeros_like(times)])}
+    return {"block": _poses(block.pose[0] + way, block.pose[1])}
 
 
-def free_space(case: Case) -> dict[str, np.ndarray]:
-    """Three oscillators led by the hand."""
-    return _hanging(case)
+def free_space(case: Case, low: float = -math.inf) -> dict[str, np.ndarray]:
+    """Three oscillators led by the hand, the tool under its weight, with a stop on x at `low`."""
+    tool = case.scene.tool
+    columns = []
+    for k, stop in enumerate((low, -math.inf)):
+        axis = Axis(tool.mass, *case.gains[:2], 0.0, tool.mass * case.scene.gravity[k], stop)
+        columns.append(seen(case, axis, k, tool.pose[k]))
+    return {"tool": _poses(*columns, turning(case))}
 
 
 def wall(case: Case) -> dict[str, np.ndarray]:
     """The same with a stop on x, where the round tool meets the wall."""
-    return _hanging(case, low=case.scene.tool.shapes[0].radius)
+    return free_space(case, low=case.scene.tool.shapes[0].radius)
 
 
 def slider(case: Case) -> dict[str, np.ndarray]:
     """Carriage and tool on the guide as one mass with friction and stops; the tool turns by itself."""
     guide, tool = case.scene.joints[0], case.scene.tool
-    places, rates = np.hsplit(case.path(), 2)
     both = Axis(tool.mass + case.scene.bodies[0].mass, *case.gains[:2], guide.friction, 0.0, *guide.limits)
-    way = _seen(case, axis_motion(both, places[:, 0], rates[:, 0], EXCHANGE_NS * 1e-9, 0.0))
-    level = np.zeros_like(way)
-    angle = _turning(case, places, rates)
-    return {"carriage": np.column_stack([way, level, level]), "tool": np.column_stack([way, level, angle])}
+    way = seen(case, both, 0, 0.0)
+    return {"carriage": _poses(way), "tool": _poses(way, angle=turning(case))}
 
 
 def slider_free(case: Case) -> dict[str, np.ndarray]:
@@ -121,26 +117,5 @@ def slider_free(case: Case) -> dict[str, np.ndarray]:
     guide, tool, times = case.scene.joints[0], case.scene.tool, looks(case)
     slowing, speed = guide.friction / (tool.mass + case.scene.bodies[0].mass), tool.velocity[0]
     times = np.minimum(times, speed / slowing)
-    level = np.zeros_like(times)
-    poses = np.column_stack([speed * times - 0.5 * slowing * times**2, level, level])
+    poses = _poses(speed * times - 0.5 * slowing * times**2)
     return {"carriage": poses, "tool": poses}
-
-
-def _hanging(case, low=-math.inf):
-    """The tool on its coupling under its weight, with a stop on x."""
-    tool = case.scene.tool
-    places, rates = np.hsplit(case.path(), 2)
-    columns = []
-    for k in range(2):
-        axis = Axis(tool.mass, *case.gains[:2], 0.0, tool.mass * case.scene.gravity[k], low if k == 0 else -math.inf)
-        columns.append(_seen(case, axis_motion(axis, places[:, k], rates[:, k], case.period * 1e-9, tool.pose[k])))
-    return {"tool": np.column_stack([*columns, _turning(case, places, rates)])}
-
-
-def _turning(case, places, rates):
-    axis = Axis(case.scene.tool.mass_properties.inertia, *case.gains[2:])
-    return _seen(case, axis_motion(axis, places[:, 2], rates[:, 2], case.period * 1e-9, case.scene.tool.pose[2]))
-
-
-def _seen(case, motion):
-    return motion[:: case.look // case.period]

@@ -9,12 +9,15 @@ method to rounding.
 """
 
 import functools
+import itertools
 import math
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import brentq
+
+from haptic_sim.lockstep.error_metrics import Case
 
 LOOKS = 8
 """Places in a piece of the path where events are looked for."""
@@ -42,6 +45,18 @@ def axis_motion(axis: Axis, places, rates, period: float, start: float) -> np.nd
     return np.array(found)
 
 
+def seen(case: Case, axis: Axis, k: int, start: float) -> np.ndarray:
+    """Coordinate k of a case at the looks, where it is led as this axis."""
+    places, rates = case.path()[:, (k, k + 3)].T
+    return axis_motion(axis, places, rates, case.period * 1e-9, start)[:: case.look // case.period]
+
+
+def turning(case: Case) -> np.ndarray:
+    """Angle of a tool at the looks that turns by itself on its coupling."""
+    tool = case.scene.tool
+    return seen(case, Axis(tool.mass_properties.inertia, *case.gains[2:]), 2, tool.pose[2])
+
+
 def _piece(axis, state, mode, hand, period):
     done = 0.0
     for _ in range(50):
@@ -60,27 +75,26 @@ def _until_event(axis, state, mode, hand, left):
     times = np.linspace(0.0, left, LOOKS + 1)
     first = left, None
     for watch, follows in _watches(axis, mode, hand):
-        values = [watch(_moved(axis, state, mode, hand, t), t) for t in times]
-        for a, b, before, after in zip(times, times[1:], values, values[1:], strict=False):
-            if before >= 0.0 > after and a < first[0]:
-                at = (
-                    a
-                    if before == 0.0
-                    else brentq(lambda t, watch=watch: watch(_moved(axis, state, mode, hand, t), t), a, b, xtol=1e-16)
-                )
-                first = min(first, (at, follows), key=lambda pair: pair[0])
-                break
+        at = _first_fall(lambda t, watch=watch: watch(_moved(axis, state, mode, hand, t), t), times)
+        first = min(first, (at, follows), key=lambda pair: pair[0])
     return first
+
+
+def _first_fall(value, times):
+    """When a value first falls below zero between two of these times; inf if it does not."""
+    values = [value(time) for time in times]
+    for (a, before), (b, after) in itertools.pairwise(zip(times, values, strict=True)):
+        if before >= 0.0 > after:
+            return a if before == 0.0 else brentq(value, a, b, xtol=1e-16)
+    return math.inf
 
 
 def _watches(axis, mode, hand):
     """(value that falls below zero at the event, what follows)."""
     if mode[0] == "slide":
         sign = mode[1]
-        if math.isfinite(axis.low):
-            yield (lambda state, t: state[0] - axis.low), _meet(axis.low)
-        if math.isfinite(axis.high):
-            yield (lambda state, t: axis.high - state[0]), _meet(axis.high)
+        yield (lambda state, t: state[0] - axis.low), functools.partial(_stop, place=axis.low)
+        yield (lambda state, t: axis.high - state[0]), functools.partial(_stop, place=axis.high)
         if sign:
             yield (lambda state, t: sign * state[1]), _stop
     else:
@@ -92,16 +106,8 @@ def _watches(axis, mode, hand):
         yield spare, _let_go
 
 
-def _meet(place):
-    def follows(axis, state, hand):
-        state = np.array([place, 0.0])
-        return _mode_at(axis, state, *hand), state
-
-    return follows
-
-
-def _stop(axis, state, hand):
-    state = np.array([state[0], 0.0])
+def _stop(axis, state, hand, place=None):
+    state = np.array([state[0] if place is None else place, 0.0])
     return _mode_at(axis, state, *hand), state
 
 

@@ -12,8 +12,8 @@ import math
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from bench.reference.case import Case
-from bench.reference.exact_axis import Axis, axis_motion
+from bench.reference.exact_axis import turning
+from haptic_sim.lockstep.error_metrics import Case
 
 TOLERANCE = 1e-13
 
@@ -34,16 +34,9 @@ def four_bar(case: Case) -> dict[str, np.ndarray]:
     linkage = _Linkage(case)
     places, rates = np.hsplit(case.path(), 2)
     crank = _integrate(linkage, case, places, rates)
-    turn = axis_motion(
-        Axis(case.scene.tool.mass_properties.inertia, *case.gains[2:]),
-        places[:, 2],
-        rates[:, 2],
-        case.period * 1e-9,
-        case.scene.tool.pose[2],
-    )[:: case.look // case.period]
     poses = [linkage.poses(angle) for angle in crank]
     return {name: np.array([pose[name] for pose in poses]) for name in poses[0] if name != "tool"} | {
-        "tool": np.array([(*pose["tool"], angle) for pose, angle in zip(poses, turn, strict=True)])
+        "tool": np.array([(*pose["tool"], angle) for pose, angle in zip(poses, turning(case), strict=True)])
     }
 
 

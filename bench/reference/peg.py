@@ -15,11 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from haptic_sim.lockstep.rollout import rollout
-from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.method.penalty_explicit import PenaltyExplicit
 from haptic_sim.method.penalty_implicit import PenaltyImplicit
+from haptic_sim.method_registry import make
 from haptic_sim.protocol import Coupling
-from haptic_sim.pymunk_world.world import PymunkWorld
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene.language import Scene
 
@@ -29,12 +28,9 @@ STIFFNESS = 1e4
 """N/m of a contact."""
 COUPLING = 2000.0
 """N/m."""
-INSERTIONS = (0.005, 0.01, 0.02, 0.035, 0.05, 0.075, 0.1, 0.15, 0.2)
-"""m."""
 STEP, SETTLING = 1e-4, 0.6
 """s."""
 PENALTY = {"penalty_explicit": PenaltyExplicit, "penalty_implicit": PenaltyImplicit}
-RIGID = {"impulse": PymunkWorld, "partitioned": Partitioned}
 
 
 class Felt(NamedTuple):
@@ -45,14 +41,12 @@ class Felt(NamedTuple):
     play: float
 
 
-def apparent_stiffness(
-    insertion: float, rotation_gain: float = 0.0, stiffness: float = STIFFNESS, height: float = HEIGHT
-) -> float:
+def apparent_stiffness(insertion: float, rotation_gain: float = 0.0, stiffness: float = STIFFNESS) -> float:
     """K_app [N/m] of contacts of this stiffness [N/m] with a rotation gain [N m/rad]."""
     energy = np.array(
         [[2.0 * stiffness, -stiffness * insertion], [-stiffness * insertion, stiffness * insertion**2 + rotation_gain]]
     )
-    lever = np.array([1.0, height])
+    lever = np.array([1.0, HEIGHT])
     return 1.0 / float(lever @ np.linalg.solve(energy, lever))
 
 
@@ -61,9 +55,9 @@ def behind_coupling(stiffness: float, coupling: float = COUPLING) -> float:
     return stiffness * coupling / (stiffness + coupling)
 
 
-def free_play(insertion: float, clearance: float, height: float = HEIGHT) -> float:
+def free_play(insertion: float, clearance: float) -> float:
     """± [m] at the handle, without rotation gain."""
-    return clearance * (0.5 + height / insertion)
+    return clearance * (0.5 + HEIGHT / insertion)
 
 
 def pull_over(place: float, insertion: float, clearance: float, rotation_gain: float = 0.0) -> float:
@@ -98,22 +92,11 @@ def peg(insertion: float, clearance: float) -> Scene:
     return Scene.model_validate({"name": "insertion", "bodies": sides, "tool": tool})
 
 
-def felt(
-    method: str,
-    insertion: float,
-    rotation_gain: float = 0.0,
-    clearance: float = 1e-6,
-    pulls: tuple[float, float] | None = None,
-) -> Felt:
-    """What a method shows at this insertion [m]: a straight line through two pulls of the handle [m], each settled.
-
-    The pulls lie beyond the free play unless they are given.
-    """
-    world = _world(method, insertion, clearance)
-    world.couple(Coupling(COUPLING, 20.0, rotation_gain, 0.02))
-    play = free_play(insertion, clearance)
-    found = [_settled(world, pull) for pull in pulls or (play + 1e-4, play + 2e-4)]
-    (x0, u0, f0), (x1, u1, f1) = found
+def felt(method: str, insertion: float, rotation_gain: float = 0.0, clearance: float = 1e-6) -> Felt:
+    """What a method shows at this insertion [m]: a straight line through two pulls of the handle beyond the free play,
+    each settled."""
+    world, play = _world(method, insertion, clearance, rotation_gain), free_play(insertion, clearance)
+    (x0, u0, f0), (x1, u1, f1) = (_settled(world, play + more) for more in (1e-4, 2e-4))
     handle = (f1 - f0) / (x1 - x0)
     grip = (f1 - f0) / (u1 - u0) if abs(u1 - u0) > 1e-12 else np.inf
     return Felt(grip, handle, x1 - f1 / handle)
@@ -121,16 +104,15 @@ def felt(
 
 def force_at(method: str, places, insertion: float, clearance: float, rotation_gain: float) -> list[float]:
     """Force of the coupling [N] with the handle settled at each place [m]."""
-    world = _world(method, insertion, clearance)
-    world.couple(Coupling(COUPLING, 20.0, rotation_gain, 0.02))
+    world = _world(method, insertion, clearance, rotation_gain)
     return [_settled(world, place)[2] for place in places]
 
 
-def _world(method, insertion, clearance):
+def _world(method, insertion, clearance, rotation_gain):
     scene = reduce_scene(peg(insertion, clearance))
-    if method in PENALTY:
-        return PENALTY[method](scene, STEP, STIFFNESS)
-    return RIGID[method](scene, STEP)
+    world = PENALTY[method](scene, STEP, STIFFNESS) if method in PENALTY else make(method, scene, STEP)
+    world.couple(Coupling(COUPLING, 20.0, rotation_gain, 0.02))
+    return world
 
 
 def _settled(world, pull):

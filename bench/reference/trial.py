@@ -84,10 +84,9 @@ def attempt(
     places = np.array([lead(k * 1e-3 + phase * step) for k in range(-1, round(seconds * 1e3) + 1)])
     rates = np.zeros_like(places[1:]) if way else np.diff(places, axis=0) * 1e3
     path = np.hstack([places[1:], rates])
-    world = Exchanged(simulation, path[0], Coupling(*gains))
-    found = rollout(
-        world, path, look=look_every, overlap=overlap_watch(simulation.scene, world.pose), gains=Coupling(*gains)
-    )
+    gains = Coupling(*gains)
+    world = Exchanged(simulation, path[0], gains)
+    found = rollout(world, path, look=look_every, overlap=overlap_watch(simulation.scene, world.pose), gains=gains)
     if not found.finite:
         return Outcome(False, math.inf, math.inf, found.scale, simulation)
     return Outcome(True, found.overlap, found.created, found.scale, simulation)
