@@ -26,18 +26,7 @@ from haptic_device.control.passivity import coupling_damping, energy_booked, lea
 from haptic_device.theory import passivity_figure, zwidth_figure, zwidth_map
 from haptic_device.theory.assessment import Display
 from haptic_device.theory.delay import delayed_demand, wall_damping_needed
-from haptic_device.theory.palette import (
-    BLACK,
-    BLUE,
-    DASHED,
-    DOTTED,
-    GREEN,
-    MIXED,
-    ORANGE,
-    PURPLE,
-    SOLID,
-    VERMILION,
-)
+from haptic_device.theory.palette import BLACK, BLUE, DASHED, DOTTED, GREEN, MIXED, ORANGE, PURPLE, SOLID, VERMILION
 from haptic_device.theory.passivity_figure import draw_map
 from haptic_device.theory.transfer import wall_transfer
 from haptic_device.theory.zwidth import Setup
@@ -58,15 +47,15 @@ def main(folder: Annotated[Path, typer.Argument(show_default="docs")] = ROOT / "
     for name in ("figures", "benchmarks"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     pictures = {
-        "passivity_sampled": sampled_wall,
-        "passivity_conditions": conditions,
-        "passivity_negative": negative_damping,
-        "passivity_map": passive_and_stable,
-        "zwidth_map": quiet_walls,
-        "late_spring": late_spring,
+        "passivity_sampled": with_legends(5.2, staircase, given),
+        "passivity_conditions": with_legends(10.0, demand, delay, late_coupling, switch),
+        "passivity_negative": with_legends(5.6, negative, drawn),
+        "passivity_map": passive_and_stable(),
+        "zwidth_map": quiet_walls(),
+        "late_spring": late_spring(),
     }
-    for name, draw in pictures.items():
-        draw().savefig(folder / "figures" / f"{name}.png", dpi=110)
+    for name, figure in pictures.items():
+        figure.savefig(folder / "figures" / f"{name}.png", dpi=110)
     pareto_figure(read_csv(STORED / "speed_error.csv", measure.Run)).savefig(
         folder / "benchmarks" / "pareto.png", dpi=DPI
     )
@@ -75,24 +64,6 @@ def main(folder: Annotated[Path, typer.Argument(show_default="docs")] = ROOT / "
         shot.quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE).save(
             folder / "figures" / f"viewer_{name}.png", optimize=True
         )
-
-
-@rc_context(READABLE)
-def sampled_wall() -> Figure:
-    """Why a sampled wall gives energy: its force on the way in and out, and the energy over physical damping."""
-    return _with_legends((9.0, 5.2), staircase, given)
-
-
-@rc_context(READABLE)
-def conditions() -> Figure:
-    """What passivity asks for: over frequency, over delay, of wall and coupling, of cancellation."""
-    return _with_legends((9.0, 10.0), demand, delay, late_coupling, switch)
-
-
-@rc_context(READABLE)
-def negative_damping() -> Figure:
-    """What negative damping asks of a coupling."""
-    return _with_legends((9.0, 5.6), negative, drawn)
 
 
 @rc_context(READABLE)
@@ -146,9 +117,10 @@ def late_spring() -> Figure:
     return figure
 
 
-def _with_legends(size, *drawings) -> Figure:
+@rc_context(READABLE)
+def with_legends(height: float, *drawings) -> Figure:
     """Panels two by two, the legend of each below it."""
-    figure = Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=(9.0, height), layout="constrained")
     for axes, draw in zip(figure.subplots(len(drawings) // 2, 2).flat, drawings, strict=True):
         draw(axes)
         axes.grid(alpha=0.3)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from bench.jobs import markdown as table
 from bench.methods.hard_cases import CREATED, OVERLAP
 from bench.methods.measure import Run
-from bench.methods.table import OURS, default_method, scenes_of, summary
+from bench.methods.table import OURS, by_scene, default_method, summary
 
 MACHINE = "machine.json"
 
@@ -144,7 +144,7 @@ def _speed_error(found):
     runs = [Run(**one) for one in found["runs"]]
     ours = [one for one in runs if one.counts and one.method in OURS]
     if ours:
-        least = [min(one.error for one in ours if one.scene == scene) for scene in scenes_of(ours)]
+        least = [min(one.error for one in of_scene) for of_scene in by_scene(ours).values()]
         yield Figure(f"least error, worst of {len(least)} scenes", 100.0 * max(least), "% of the distance moved")
     for kind, peer, ratio, wanted, _, _ in summary(runs):
         yield Figure(f"least speed ratio at equal error, {kind}, to {peer}", ratio, "×", f"≥ {wanted:g}")

@@ -92,11 +92,7 @@ def _run(scene, method, network, *given, live, **named):
 
 
 def compare(
-    scene: str | Scene,
-    network: str,
-    live: bool = False,
-    axis: dict | None = None,
-    params: str = "demo",
+    scene: str | Scene, network: str, live: bool = False, axis: dict | None = None, params: str = "demo"
 ) -> dict[str, float]:
     """A scene's own motion with `local` against the synchronous solution: the same handle, world and tool in one step.
 
@@ -141,12 +137,7 @@ def insertion(deep: float, gain: float, live: bool = False) -> tuple[float, floa
         "coupling.rotational_damping": 0.002,
         "local.compliance": SOFT,
     }
-    hand = {
-        "motion.name": "press_wall",
-        "motion.start": near,
-        "motion.target": far,
-        "hand.rotational_stiffness": HAND,
-    }
+    hand = {"motion.name": "press_wall", "motion.start": near, "motion.target": far, "hand.rotational_stiffness": HAND}
     rows = _run(peg.peg(deep, 1e-6), "local", "1 kHz", given, hand, SMOOTH, PULLING, live=live, after=1.3).rows
     rows = rows[np.argmax(rows.engage >= 1.0) :]  # the motion begins with it
     (x1, f1), (x0, f0) = (_held(rows[int(4000.0 * begin) :][:1000]) for begin in (0.55 * PULLING, PULLING + 0.4))

@@ -9,9 +9,7 @@ from bench.reference.case import NAMES, case
 from bench.reference.reference import CLOSED, make, write
 
 
-def main(
-    names: Annotated[list[str] | None, typer.Argument(help="Cases [all without a closed form].")] = None,
-) -> None:
+def main(names: Annotated[list[str] | None, typer.Argument(help="Cases [all without a closed form].")] = None) -> None:
     """Make the stored references again, some minutes."""
     asked = {name: case(name) for name in names or NAMES if names or name not in CLOSED}
     for name in CLOSED.keys() & asked:

@@ -6,7 +6,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator
 
 from bench.methods.measure import Run
-from bench.methods.table import default_of, fronts, nearest, scenes_of
+from bench.methods.table import by_scene, default_of, nearest, pareto
 from bench.methods.world import label
 from haptic_device.theory.palette import BLACK, METHODS, PEERS
 
@@ -18,12 +18,12 @@ LEAST, MOST = 1e-9, 1.0  # what errs less or more is drawn there
 
 def pareto_figure(runs: list[Run]) -> Figure:
     """Wall time per simulated second over error, a panel a scene; lines join what is best of each."""
-    scenes = scenes_of(runs)
+    scenes = by_scene(runs)
     rows, columns, drawn = -(-len(scenes) // COLUMNS), min(COLUMNS, len(scenes)), {}
     figure = Figure(figsize=(WIDTH, 2.1 * rows + 1.2), layout="constrained")
     every = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
-    for axes, scene in zip(every.flat, scenes, strict=False):
-        drawn |= _panel(axes, [item for item in runs if item.scene == scene])
+    for axes, (scene, of_scene) in zip(every.flat, scenes.items(), strict=False):
+        drawn |= _panel(axes, of_scene)
         axes.set_title(scene, fontsize=10)
         axes.tick_params(labelsize=9)
         axes.grid(alpha=0.3)
@@ -48,8 +48,8 @@ def _panel(axes, runs):
     drawn, (method, step) = {}, default_of(runs[0].scene)
     shown = nearest(runs, method, step)
     runs = [item._replace(error=_clipped(item.error)) for item in runs]
-    for name, front in fronts(runs).items():
-        if front:
+    for name in dict.fromkeys(item.method for item in runs):
+        if front := pareto([item for item in runs if item.method == name]):
             points = [(item.error, 1e3 * item.wall) for item in front]
             (drawn[label(name)],) = axes.plot(
                 *zip(*points, strict=True), **LOOKS[name].line, linewidth=1.2, markersize=5, clip_on=False

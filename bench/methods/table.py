@@ -113,14 +113,12 @@ def told_leads(runs: list[Run]) -> str:
     )
 
 
-def scenes_of(runs: list[Run]) -> list[str]:
-    """Names in the order of the runs."""
-    return list(dict.fromkeys(item.scene for item in runs))
-
-
 def by_scene(runs: list[Run]) -> dict[str, list[Run]]:
     """Scene → its runs."""
-    return {scene: [item for item in runs if item.scene == scene] for scene in scenes_of(runs)}
+    found: dict[str, list[Run]] = {}
+    for item in runs:
+        found.setdefault(item.scene, []).append(item)
+    return found
 
 
 def default_of(scene: str) -> tuple[str, int]:
@@ -205,11 +203,3 @@ def summary(runs: list[Run]) -> list[tuple[str, str, float, float, int, int]]:
         (kind, peer, min(item.ratio for item in items), WANTED[kind], sum(item.reached for item in items), len(items))
         for (kind, peer), items in found.items()
     ]
-
-
-def fronts(runs: list[Run]) -> dict[str, list[Run]]:
-    """Method or peer → its runs that no other of its own beats, of one scene."""
-    return {
-        name: pareto([item for item in runs if item.method == name])
-        for name in dict.fromkeys(item.method for item in runs)
-    }
