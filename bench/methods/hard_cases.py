@@ -106,15 +106,12 @@ def positions(count: int) -> list[tuple[float, float]]:
 
 def verdict(name: str, world: str, count: int) -> Verdict:
     """The worst of `count` positions of the scene called `name`."""
-    letters, overlap, created = set(), 0.0, 0.0
-    for angle, phase in positions(count):
-        try:
-            found = _attempt(name, world, angle, phase)
-        except Impossible as reason:
-            return Verdict(name, world, f"cannot: {reason}", math.nan, math.nan, 0)
-        letters |= set(found[0])
-        overlap, created = max(overlap, found[1]), max(created, found[2])
-    return Verdict(name, world, "".join(sorted(letters)), overlap, created, count)
+    try:
+        found = [_attempt(name, world, *position) for position in positions(count)]
+    except Impossible as reason:
+        return Verdict(name, world, f"cannot: {reason}", math.nan, math.nan, 0)
+    letters, overlaps, created = zip(*found, strict=True)
+    return Verdict(name, world, "".join(sorted(set().union(*letters))), max(overlaps), max(created), count)
 
 
 def _attempt(name, kind, angle, phase):
@@ -132,10 +129,10 @@ def _attempt(name, kind, angle, phase):
     if not found.finite:
         return "N", math.inf, math.inf
     share = found.created / max(found.scale, LEAST)
-    letters = {"E"} if share > CREATED else {"e"} if share > ROUNDING else set()
-    letters |= {"P"} if found.overlap > OVERLAP else set()
-    letters |= {"T"} if name in SIDES and _passed(world, *SIDES[name], angle) else set()
-    return "".join(sorted(letters)), found.overlap, share
+    letters = "E" if share > CREATED else "e" if share > ROUNDING else ""
+    letters += "P" if found.overlap > OVERLAP else ""
+    letters += "T" if name in SIDES and _passed(world, *SIDES[name], angle) else ""
+    return letters, found.overlap, share
 
 
 def _passed(world, body, axis, least, angle):
