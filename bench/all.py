@@ -2,7 +2,6 @@
 """Nine of the measurements into a folder, and the one table made of it."""
 
 import json
-import re
 import subprocess
 import sys
 from collections.abc import Iterable
@@ -75,13 +74,8 @@ def measure(out: Path, short: bool, names: Iterable[str]) -> None:
 
 def put(table: str, file: Path) -> None:
     """Replaces what stands between the marks. Raises ValueError, one sentence, where there are none."""
-    first, last = map(re.escape, MARKS)
-    text, count = re.subn(
-        f"{first}.*?{last}",
-        lambda _: f"{MARKS[0]}\n{table}\n{MARKS[1]}",
-        file.read_text(encoding="utf-8"),
-        flags=re.DOTALL,
-    )
-    if not count:
+    above, _, rest = file.read_text(encoding="utf-8").partition(MARKS[0])
+    _, last, below = rest.partition(MARKS[1])
+    if not last:
         raise ValueError(f"{file} has no marks {MARKS[0]} … {MARKS[1]} to put the table between")
-    file.write_text(text, encoding="utf-8")
+    file.write_text(f"{above}{MARKS[0]}\n{table}\n{MARKS[1]}{below}", encoding="utf-8")

@@ -149,16 +149,10 @@ class Builder:
         tendon = self.spec.add_tendon(name="angle")
         for name, sign in self.turns[TOOL]:
             tendon.wrap_joint(name, sign)
-        affine, tied = mujoco.mjtBias.mjBIAS_AFFINE, mujoco.mjtTrn.mjTRN_TENDON
-        for k, gear in enumerate(((1.0, 0.0), (0.0, 1.0))):
-            self.spec.add_actuator(
-                name=f"servo{k}",
-                trntype=mujoco.mjtTrn.mjTRN_SITE,
-                target="grip",
-                refsite="origin",
-                biastype=affine,
-                gear=(*gear, 0.0, 0.0, 0.0, 0.0),
-            )
+        affine, at_grip, tied = mujoco.mjtBias.mjBIAS_AFFINE, mujoco.mjtTrn.mjTRN_SITE, mujoco.mjtTrn.mjTRN_TENDON
+        place = {"trntype": at_grip, "target": "grip", "refsite": "origin", "biastype": affine}
+        for k in range(2):
+            self.spec.add_actuator(name=f"servo{k}", gear=np.eye(6)[k], **place)
         self.spec.add_actuator(name="servo2", trntype=tied, target="angle", biastype=affine)
 
 

@@ -102,8 +102,7 @@ def _add(space, scene, solid):
 
 def _join(space, scene, joint, bodies):
     a, b = (bodies[name] for name in joint.bodies)
-    solids = {body.name: body for body in scene.bodies} | {TOOL: scene.tool}
-    place = joint.places(*(solids.get(name) for name in joint.bodies))[0]
+    place = joint.places(*(scene.solids.get(name) for name in joint.bodies))[0]
     if joint.type == "pin":
         parts = [pymunk.PivotJoint(a, b, a.world_to_local(place), b.world_to_local(place)), *_about_pin(joint, a, b)]
     elif joint.type == "slider":

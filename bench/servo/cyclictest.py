@@ -26,16 +26,8 @@ def cyclictest(rate: float, seconds: float, realtime: str = "prefer") -> Latenes
     policy = ("-p", str(PRIORITY), "-m") if realtime != "off" else ("--policy=other",)
     with tempfile.TemporaryDirectory() as folder:
         told = Path(folder) / "cyclictest.json"
-        command = [
-            "cyclictest",
-            "-q",
-            "-t1",
-            *policy,
-            f"-i{period}",
-            f"-l{round(seconds * rate)}",
-            f"-h{_LONGEST}",
-            f"--json={told}",
-        ]
+        command = ["cyclictest", "-q", "-t1", *policy, f"-i{period}", f"-l{round(seconds * rate)}"]
+        command += [f"-h{_LONGEST}", f"--json={told}"]
         with contextlib.suppress(subprocess.SubprocessError, OSError, ValueError, KeyError):
             subprocess.run(command, capture_output=True, timeout=30.0 + 3.0 * seconds, check=True)
             return _of_histogram(json.loads(told.read_text())["thread"]["0"], period)

@@ -32,12 +32,9 @@ class Rig:
     """The line; with options of the reference device. Raises ValueError where no device answers."""
 
     def __init__(self, transport: str, *options: str):
-        self._open = contextlib.ExitStack()
-        try:
+        with contextlib.ExitStack() as self._open:  # closes what is open, should the rest fail
             self._begin(transport, options)
-        except BaseException:
-            self._open.close()
-            raise
+            self._open = self._open.pop_all()
 
     def __enter__(self):
         return self
@@ -110,22 +107,21 @@ class Rig:
     def waits(self, rate: float, count: int) -> np.ndarray:
         """For each of `count` deadlines how long after it the sample was in hand [ns], −1: not within half a period."""
         found = np.zeros(count, np.int64)
-        with self._thread_of(rate, found, np.zeros(1, np.int64)):
-            pass
+        self._start_servo(rate, found, np.zeros(1, np.int64)).join()
         return found
 
     @contextlib.contextmanager
     def driven(self, rate: float):
         """Meanwhile a servo of this rate runs."""
         ending = np.zeros(1, np.int64)
-        with self._thread_of(rate, np.zeros(int(LONGEST * rate), np.int64), ending):
-            try:
-                yield
-            finally:
-                ending[0] = 1
+        thread = self._start_servo(rate, np.zeros(int(LONGEST * rate), np.int64), ending)
+        try:
+            yield
+        finally:
+            ending[0] = 1
+            thread.join()
 
-    @contextlib.contextmanager
-    def _thread_of(self, rate, found, ending):
+    def _start_servo(self, rate, found, ending):
         servo, period = self._servo, round(1e9 / rate)
 
         def serve():
@@ -135,10 +131,7 @@ class Rig:
         _take(servo.read, servo.write, servo.memory, np.zeros(2, np.int64), period, ending)  # compiles it
         thread = threading.Thread(target=serve)
         thread.start()
-        try:
-            yield
-        finally:
-            thread.join()
+        return thread
 
     def clock(self) -> tuple[int, int, int]:
         """A time [ns], the device's time then as it is estimated, and how many steps of its clock were found."""
@@ -192,5 +185,5 @@ class Pair:
     def waits(self, transport: str, rate: float, count: int) -> np.ndarray:
         """As `Rig.waits`."""
         command = [self._program, transport, f"{rate:g}", count]
-        said = subprocess.run(ending_with_us(list(map(str, command))), check=True, stdout=subprocess.PIPE, text=True)
+        said = subprocess.run(ending_with_us(command), check=True, stdout=subprocess.PIPE, text=True)
         return np.array(said.stdout.split(), np.int64)
