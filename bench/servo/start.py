@@ -3,18 +3,17 @@
 
 import contextlib
 import json
-import os
 import tempfile
 import time
 from pathlib import Path
 from typing import Annotated
-from unittest.mock import patch
 
 import psutil
 import typer
 
 from bench.jobs import markdown, medians
 from haptic_device.config.files import find
+from haptic_device.process import environment
 from haptic_display.run.domain import isolated_domain
 from haptic_display.run.processes import NAMESPACE, Nodes, Program
 
@@ -43,10 +42,7 @@ def measure(scene: str = "peg_in_hole", again: int = 3) -> dict:
     ValueError for a scene that is none, NodeDiedError.
     """
     path = str(find("scenes", scene).absolute())
-    with (
-        tempfile.TemporaryDirectory(prefix="haptic_") as folder,
-        patch.dict(os.environ, XDG_CACHE_HOME=f"{folder}/cache"),
-    ):
+    with tempfile.TemporaryDirectory(prefix="haptic_") as folder, environment({"XDG_CACHE_HOME": f"{folder}/cache"}):
         (first, memory), *others = (_once(Path(folder), path) for _ in range(1 + again))
     return {"scene": scene, "first": first, "first_pss_mb": memory, "again": [ready for ready, _ in others]}
 
