@@ -5,8 +5,11 @@ import asyncio
 import contextlib
 import math
 import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
 
 from haptic_device.config.description import Device, load_device
+from haptic_device.config.parameter_files import Values
 from haptic_device.nodes.fault_answers import latched
 from haptic_device.nodes.messages import TRACE, String
 from haptic_display.client import Client
@@ -21,7 +24,11 @@ from haptic_display.page.settings import DRIVER, LOOPBACK, RECORDER, SIMULATION
 from haptic_display.page.state import State
 from haptic_display.page.trouble import TroubleFinder
 from haptic_display.page.waiting import STARTING, until
-from haptic_display.service_requests import change_state, get_parameters, set_parameters, state_of, trigger
+from haptic_display.service_requests import Question, change_state, get_parameters, set_parameters, state_of, trigger
+
+if TYPE_CHECKING:  # what it can do without
+    from haptic_display.page.node_manager import NodeManager
+    from haptic_display.page.session import Session
 
 UNCONFIGURED, INACTIVE, ACTIVE = 1, 2, 3  # lifecycle states
 CONFIGURE, ACTIVATE, DEACTIVATE = 1, 3, 4  # lifecycle transitions
@@ -49,15 +56,17 @@ class CommandHandler:
     nodes: those that are this process's to start again; else None.
     """
 
-    def __init__(self, client: Client, state: State, speeds: tuple[float, float], nodes=None):
+    def __init__(self, client: Client, state: State, speeds: tuple[float, float], nodes: "NodeManager | None" = None):
         self.client, self.state, self.hand, self._nodes = client, state, Hand(), nodes
-        self.values, self.device, self.problem, self.held_off = {}, None, "", False
-        self.began: dict = {}
+        self.values: Values = {}
+        self.device: Device | None = None
+        self.problem, self.held_off = "", False
+        self.began: dict[str, Any] = {}
         self.drove, self.doing = False, ""
         self.scenes, self.pages, self.recovery = SceneController(self), LeadingPage(self), Recovery(self, nodes)
         self.guide = Guide(self)
         self.troubles = TroubleFinder(state, client, nodes)
-        self._speeds, self._asked_device = speeds, None
+        self._speeds, self._asked_device = speeds, ""
         self._marks = client.node.create_publisher(String, "mark", TRACE)
         self._prepare()
 
@@ -114,7 +123,7 @@ class CommandHandler:
         ends = tuple((low + EDGE * (high - low), high - EDGE * (high - low)) for low, high in self.workspace)
         return Limits(ends, *speeds)
 
-    async def do(self, message: messages.Message, session) -> str:
+    async def do(self, message: messages.Message, session: "Session | None") -> str:
         """Does it for a page; returns the sentence that says what was done, "" if there is nothing to say."""
         self._admit(message, session)
         match message:
@@ -144,8 +153,9 @@ class CommandHandler:
                 return await self.recovery.mend(self.troubles.trouble, message.title)
             case messages.Restart():
                 return await self._restart(message.name, message.value)
+        return ""
 
-    def _admit(self, message, session):
+    def _admit(self, message: messages.Message, session: "Session | None") -> None:
         """ValueError if the page may not do this now. Else the page is the one to be listened for, if the hand is led
         for it, and the guide ends, if the message ends it."""
         begins = isinstance(message, messages.ShowWay) and message.act in BEGINNING
@@ -159,7 +169,7 @@ class CommandHandler:
             self.guide.stop()
 
     @contextlib.contextmanager
-    def alone(self, doing: str):
+    def alone(self, doing: str) -> Iterator[None]:
         """For a sequence that drives motor and hand: while it runs there is no other. ValueError if there is one."""
         if self.doing:
             raise ValueError(f"wait: {self.doing}")
@@ -192,17 +202,19 @@ class CommandHandler:
         if self._nodes is not None:
             self._nodes.keep(self.values)
 
-    async def heard(self) -> dict[str, dict]:
+    async def heard(self) -> Values:
         """The parameters of the nodes that are heard, asked for now. ValueError: one does not say its own, or none is
         heard."""
         if not self.state.statuses:
             raise ValueError("no node is heard of")
         return {node: await self._parameters(node) for node in settings.NODES if node in self.state.statuses}
 
-    async def _parameters(self, node, *patience):
+    async def _parameters(self, node: str, *patience: Any) -> dict[str, Any]:
         return await self.ask(get_parameters(node, [parameter.name for parameter in settings.NODES[node]]), *patience)
 
-    async def ask(self, question, patience: float = PATIENCE, again: float | None = AGAIN, wait: bool = False):
+    async def ask(
+        self, question: Question, patience: float = PATIENCE, again: float | None = AGAIN, wait: bool = False
+    ) -> Any:
         """What a node's answer means; ValueError if it refuses, is not there, or is silent."""
         return await self.client.acall(question, patience=patience, again=again, wait=wait)
 
@@ -224,21 +236,21 @@ class CommandHandler:
         truth, to_world = self.state.truth, self.state.to_world
         self.hand.listen(now, self.pages.heard)
         place = self.hand.lead(now, self.limits)
-        if self.hand.loose:
+        if self.hand.loose and truth:
             place = self.hand.give_in(now, to_world(truth.position), to_world(truth.target), self.limits)
         if place is not None:
             self.client.aim(place)
 
     def aim(self, place: dict[str, float]) -> str:
         """Where the hand shall go [m, m, rad]; returns the hint if it was clamped. ValueError if there is no hand."""
-        if not self.state.axes:
+        if not self.state.axes or (truth := self.state.truth) is None:
             raise ValueError("no simulated hand is heard of: haptic_loopback does not run")
         motion = self.values.get(LOOPBACK, {}).get("motion.name", "follow")
         if motion != "follow":
             raise ValueError(f"the hand plays the script {motion}; start haptic_loopback with motion.name: follow")
         now = time.monotonic()
         if self.hand.goal is None:
-            self.hand.take(tuple(self.state.to_world(self.state.truth.target)), now)
+            self.hand.take(self.state.to_world(truth.target), now)
         hint = self.hand.aim(place, self.limits)
         self.lead(now)
         return hint
@@ -247,13 +259,13 @@ class CommandHandler:
         """The hand pulls at nothing, and no page leads it."""
         self.hand.let_go(time.monotonic())
 
-    def _remember(self):
+    def _remember(self) -> None:
         """Of what the driver says while a node has ended, or its device is silent for that, nothing."""
         trouble = self.troubles.trouble
         if trouble is None or trouble.fault not in ("", "device_silent"):
             self.drove = self.driving
 
-    def _prepare(self):
+    def _prepare(self) -> None:
         """Services are looked for before they are needed: an e-stop must not wait for its own to be found."""
         self.client.prepare(*(f"{DRIVER}/{service}" for service in messages.SERVICES))
         self.client.prepare(*(f"{SIMULATION}/{service}" for service in ("load_scene", "reset_scene")))
@@ -261,21 +273,21 @@ class CommandHandler:
         self.client.prepare(*(f"{node}/set_parameters_atomically" for node in (DRIVER, SIMULATION)))
         self.client.prepare(f"{RECORDER}/get_state", f"{RECORDER}/change_state")
 
-    def _describe(self, name):
+    def _describe(self, name: str) -> None:
         try:
             self.device, self.problem = load_device(name), ""
             self.state.scale = self.device.scale
         except (ValueError, OSError) as error:
             self.device, self.problem = None, f"the device's workspace is not known: {error}"
 
-    async def _trigger(self, service):
+    async def _trigger(self, service: str) -> str:
         if service != "reset":
             self.held_off = service != "enable"
         if service == "estop" and not self.scenes.changing:
             self.let_go()
         return await self.order(service)
 
-    async def _set_all(self, values):
+    async def _set_all(self, values: dict[str, Any]) -> str:
         values = {name: settings.typed(name, value) for name, value in values.items()}
         await self.ask(set_parameters(DRIVER, values))
         await self.poll()
@@ -289,20 +301,20 @@ class CommandHandler:
         await self._set_all(point.live)
         return point.sentence
 
-    def _mark(self, text):
+    def _mark(self, text: str) -> str:
         if not self._marks.get_subscription_count():
             raise ValueError("nobody records: the mark is kept nowhere")
         self._marks.publish(String(data=text))
         return f"mark set: {text}"
 
-    async def _record(self, on):
+    async def _record(self, on: bool) -> str:
         state = await self.ask(state_of(RECORDER))
         steps = {UNCONFIGURED: (CONFIGURE, ACTIVATE), INACTIVE: (ACTIVATE,)} if on else {ACTIVE: (DEACTIVATE,)}
         for step in steps.get(state, ()):
             await self.ask(change_state(RECORDER, step), BAG, None)
         return "recording" if on else "the bag is closed"
 
-    async def _restart(self, name, value):
+    async def _restart(self, name: str, value: Any) -> str:
         if self._nodes is None:
             raise ValueError(f"{name} is fixed once the nodes run; haptic demo --view starts them again for it")
         with self.alone(RESTARTING):

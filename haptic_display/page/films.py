@@ -13,14 +13,14 @@ LEAST_URGENT = ("nice", "-n", "19")  # the servo and the simulation go first
 class Films:
     """What is being made when the server stops ends with it."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._turn = asyncio.Lock()
 
     async def page(self, bag: Path) -> bytes:
         """The page that plays a bag. Raises ValueError with one sentence if it cannot be made."""
         async with self._turn:
             process = await asyncio.create_subprocess_exec(
-                *ending_with_us([*LEAST_URGENT, *running_module("haptic_display.page.film"), bag]),
+                *ending_with_us([*LEAST_URGENT, *running_module("haptic_display.page.film"), str(bag)]),
                 stdin=asyncio.subprocess.DEVNULL,
                 stdout=asyncio.subprocess.PIPE,
                 stderr=asyncio.subprocess.PIPE,

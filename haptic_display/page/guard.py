@@ -73,7 +73,7 @@ def reachable(host: str) -> str:
         return socket.gethostname()
 
 
-def _address(host):
+def _address(host: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
     """None for a name."""
     try:
         return ipaddress.ip_address(host)
@@ -81,7 +81,7 @@ def _address(host):
         return None
 
 
-def _name(host):
+def _name(host: str) -> str:
     """The name or address of a Host header, without its port."""
     if host.startswith("["):
         return host[1:].split("]")[0]

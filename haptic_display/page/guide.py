@@ -2,16 +2,21 @@
 """Shows with the simulated hand how a scene's task is done, until somebody does something else."""
 
 import time
+from typing import TYPE_CHECKING
 
 from haptic_device.message_fields import AXES
 from haptic_display.page.playback import OFF, PLAYING, Playback
+
+if TYPE_CHECKING:  # it imports this
+    from haptic_display.page.commands import CommandHandler
 
 
 class Guide:
     """Of a command handler, whose hand and scenes it uses. `playback`: of the scene's suggested way."""
 
-    def __init__(self, commands):
-        self._commands, self.playback, self._beginning, self._scene = commands, Playback(), None, 0
+    def __init__(self, commands: "CommandHandler"):
+        self._commands, self.playback, self._scene = commands, Playback(), 0
+        self._beginning: object | None = None
 
     @property
     def said(self) -> dict[str, str | float | bool]:
@@ -52,7 +57,7 @@ class Guide:
             if self.playback.state == OFF:
                 commands.let_go()
 
-    async def _begin(self):
+    async def _begin(self) -> bool:
         """From the scene's start, to which the hand is led first; False if somebody has done something else then."""
         commands, scene = self._commands, self._commands.state.scene
         if scene is None:

@@ -2,9 +2,13 @@
 """Where a page wants the operator's hand: clamped to the workspace, and led there no faster than a hand moves."""
 
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 from haptic_device.message_fields import AXES
+
+if TYPE_CHECKING:  # it brings the web server
+    from haptic_display.page.session import Session
 
 Planar = tuple[float, float, float]
 AFTER = 0.3  # s, for which a target that has been reached is said again: a sample may be lost
@@ -27,16 +31,17 @@ class Hand:
     leader: the page that leads it and has not let go. loose: the hand has let go, and gives in to the handle until it
     rests where that is."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.goal: Planar | None = None
         self.sent: Planar | None = None
-        self.loose, self.leader = False, None
+        self.loose = False
+        self.leader: Session | None = None
         self._moved = self._reached = -math.inf
         self._heard, self._silent, self._listened = 0, 0.0, -math.inf
 
-    def take(self, place: Planar, now: float) -> None:
+    def take(self, place: Sequence[float], now: float) -> None:
         """Begins from where the hand's target is now [m, m, rad]; now [s]."""
-        self.goal = self.sent = place
+        self.goal = self.sent = (place[0], place[1], place[2])
         self.loose, self._silent = False, 0.0
         self._moved, self._reached = now, -math.inf
 
@@ -58,11 +63,12 @@ class Hand:
         if self.goal is not None and self._silent > SILENCE:
             self.let_go(now)
 
-    def give_in(self, now: float, handle: Planar, target: Planar, limits: Limits) -> Planar | None:
+    def give_in(self, now: float, handle: Sequence[float], target: Sequence[float], limits: Limits) -> Planar | None:
         """Loose, its next target, which is where the handle is, within the limits: so it pulls at nothing. None once
         its target has been there for AFTER, and when it is held. now [s]."""
         ends = (*limits.workspace, *[(-math.inf, math.inf)] * 3)
-        place = tuple(min(high, max(low, at)) for at, (low, high) in zip(handle, ends, strict=False))
+        x, y, theta = (min(high, max(low, at)) for at, (low, high) in zip(handle, ends, strict=False))
+        place = x, y, theta
         if any(abs(a - b) > THERE for a, b in zip(place, target, strict=True)):
             self._reached = now
         self.loose = self.loose and now < self._reached + AFTER
@@ -70,6 +76,7 @@ class Hand:
 
     def aim(self, place: dict[str, float], limits: Limits) -> str:
         """Sets the goal's coordinates that the place names; returns a hint where it had to be clamped, else ""."""
+        assert self.goal is not None  # taken before
         goal, hints = list(self.goal), []
         for i, axis in enumerate(AXES):
             if axis not in place:
@@ -81,29 +88,30 @@ class Hand:
             goal[i] = min(high, max(low, place[axis]))
             if goal[i] != place[axis]:
                 hints.append(f"{axis} ends at {_shown(goal[i], axis)}: edge of the workspace")
-        self.goal = tuple(goal)
+        self.goal = (goal[0], goal[1], goal[2])
         return "; ".join(hints)
 
     def lead(self, now: float, limits: Limits) -> Planar | None:
         """The next target on the way to the goal; None when there is nothing to be said. now [s]."""
-        if self.goal is None:
+        if self.goal is None or self.sent is None:
             return None
         elapsed, self._moved = min(0.1, now - self._moved), now
         if self.sent == self.goal:
             return self.sent if now < self._reached + AFTER else None
-        self.sent = self._towards(elapsed, limits)
+        self.sent = _towards(self.sent, self.goal, elapsed, limits)
         if self.sent == self.goal:
             self._reached = now
         return self.sent
 
-    def _towards(self, elapsed, limits):
-        (x, y, theta), (gx, gy, turn) = self.sent, self.goal
-        way, step = math.hypot(gx - x, gy - y), limits.speed * elapsed
-        share = 1.0 if way <= step else step / way
-        most = limits.turn * elapsed
-        theta += min(most, max(-most, turn - theta))
-        return (gx, gy, theta) if share == 1.0 else (x + share * (gx - x), y + share * (gy - y), theta)
+
+def _towards(sent: Planar, goal: Planar, elapsed: float, limits: Limits) -> Planar:
+    (x, y, theta), (gx, gy, turn) = sent, goal
+    way, step = math.hypot(gx - x, gy - y), limits.speed * elapsed
+    share = 1.0 if way <= step else step / way
+    most = limits.turn * elapsed
+    theta += min(most, max(-most, turn - theta))
+    return (gx, gy, theta) if share == 1.0 else (x + share * (gx - x), y + share * (gy - y), theta)
 
 
-def _shown(value, axis):
+def _shown(value: float, axis: str) -> str:
     return f"{value:.2f} rad" if axis == "theta" else f"{1e3 * value:.1f} mm"

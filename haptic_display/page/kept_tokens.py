@@ -56,7 +56,7 @@ def place() -> Path:
     return home / "haptic_display" / "links"
 
 
-def _read(path):
+def _read(path: Path) -> tuple[Tokens | None, str]:
     """Tokens, or None and why what is there is not used ("" where nothing is)."""
     try:
         file = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -74,7 +74,7 @@ def _read(path):
     return (Tokens(*found.groups()), "") if found else (None, "holds no links")
 
 
-def _write(path, tokens):
+def _write(path: Path, tokens: Tokens) -> None:
     """A file of this user alone, whole or not at all."""
     _own(path.parent)
     draft = path.with_name(f".{path.name}-{secrets.token_hex(8)}")
@@ -89,7 +89,7 @@ def _write(path, tokens):
         raise
 
 
-def _own(folder):
+def _own(folder: Path) -> None:
     """Makes the folder, of this user alone. OSError if it is somebody else's."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if folder.stat().st_uid != os.geteuid():

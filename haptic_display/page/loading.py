@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """A parameter file that a page sends: what of it can be set now, and what has to wait for the nodes to start again."""
 
+from collections.abc import Iterator
 from pathlib import PurePath
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from haptic_device.config.parameter_files import PLACES, operating_point_problems, right_values
+from haptic_device.config.parameter_files import PLACES, Values, operating_point_problems, right_values
 from haptic_device.config.parameter_types import defaults
 from haptic_device.config.yaml_reader import loads
 from haptic_display.page import settings
@@ -18,7 +19,7 @@ class Point(NamedTuple):
     """What a file asks for: all live values of the driver, the names of those that it changes, and the names of others
     that differ from what runs."""
 
-    live: dict
+    live: dict[str, Any]
     changed: list[str]
     waiting: list[str]
 
@@ -30,7 +31,7 @@ class Point(NamedTuple):
         return f"the file is loaded: {changed}{waiting}"
 
 
-def point_in(file: bytes, namespace: str, running: dict[str, dict]) -> Point:
+def point_in(file: bytes, namespace: str, running: Values) -> Point:
     """What a file asks of the nodes in this namespace; running: {node: {name: value}}. A live parameter that the file
     does not name has its default. Raises ValueError, one sentence."""
     if len(file) > LARGEST:
@@ -49,11 +50,11 @@ def point_in(file: bytes, namespace: str, running: dict[str, dict]) -> Point:
     return Point(live, changed, list(dict.fromkeys(_waiting(given, running))))
 
 
-def _some(names):
+def _some(names: list[str]) -> str:
     return ", ".join(names[:NAMED]) + (f" and {len(names) - NAMED} more" if len(names) > NAMED else "")
 
 
-def _waiting(given, running):
+def _waiting(given: Values, running: Values) -> Iterator[str]:
     for node, values in given.items():
         for name, value in values.items():
             live = node == settings.DRIVER and name in settings.LIVE
@@ -62,7 +63,7 @@ def _waiting(given, running):
                 yield name
 
 
-def _same(name, one, other):
+def _same(name: str, one: Any, other: Any) -> bool:
     """A file may be named by its path or by its name among the package's own."""
     if name in PLACES:
         one, other = (PurePath(path).name.removesuffix(".yaml") for path in (one, other))

@@ -3,12 +3,15 @@
 
 import math
 import time
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from rclpy.node import Node
 
 from haptic_device.message_fields import frame_id
 from haptic_device.nodes.marker_messages import MarkerArray, markers
 from haptic_device.nodes.messages import STREAM
-from haptic_sim.scene.drawing import NOWHERE, Shape, shapes_of
+from haptic_sim.scene.drawing import NOWHERE, Drawing, Shape, shapes_of
 from haptic_sim.scene.geometry import Outline
 
 LOOK_PERIOD = 0.5  # s between two looks whether somebody listens
@@ -52,13 +55,13 @@ class Marker(NamedTuple):
 class MarkerPublisher:
     """Publishes `markers` while somebody listens. rate: markers a second [Hz]."""
 
-    def __init__(self, node, rate: float):
+    def __init__(self, node: Node, rate: float):
         self._node, self._period = node, 1.0 / rate
         self._markers = node.create_publisher(MarkerArray, "markers", STREAM)
         self._due = self._look_due = 0.0
         self._heard = False
 
-    def show(self, scene, frame: dict, walls, workspace, now: float) -> None:
+    def show(self, scene: Drawing | None, frame: dict[str, Any], walls: Any, workspace: Any, now: float) -> None:
         """A frame of the state, if it is time. scene: None while there is none; walls, workspace: as
         `surroundings` has them; now [s]."""
         if now >= self._look_due:
@@ -80,12 +83,13 @@ def marker(shape: Shape) -> Marker:
     return Marker(GROUPS.get(shape.role, shape.role), shape.number, *_form(shape))
 
 
-def _form(shape):
+def _form(shape: Shape) -> tuple[str, Point, tuple[Point, ...], tuple[float, float, float, float], float]:
     """kind, pose, points, colour and size of its marker."""
     colour = COLOURS[shape.role]
     if shape.kind == "solid":
         points = tuple(corner for outline in shape.outlines for corner in prism(outline))
-        return "triangles", tuple(shape.pose), points, colour, 1.0
+        x, y, theta = shape.pose
+        return "triangles", (x, y, theta), points, colour, 1.0
     if shape.kind == "arrow":
         (x, y), (fx, fy) = shape.pose[:2], shape.force
         return "arrow", NOWHERE, (_raised((x, y)), _raised((x + NEWTON * fx, y + NEWTON * fy))), colour, SHAFT
@@ -97,7 +101,7 @@ def _form(shape):
     return "sphere" if ball else "cube", shape.pose, (), colour, 2.0 * HANDLE_RADIUS if shape.kind == "dot" else JOINT
 
 
-def prism(outline) -> list[Point]:
+def prism(outline: Outline) -> list[Point]:
     """Triangles of an outline drawn out along z, from −THICKNESS/2 to THICKNESS/2: both faces and the rim."""
     corners = _corners(outline)
     top, bottom = ([(x, y, z) for x, y in corners] for z in (THICKNESS / 2.0, -THICKNESS / 2.0))
@@ -108,7 +112,7 @@ def prism(outline) -> list[Point]:
     return faces
 
 
-def _corners(outline):
+def _corners(outline: Outline) -> Sequence[tuple[float, float]]:
     if outline.radius == 0.0:
         return outline.vertices
     (x, y), r = outline.vertices[0], outline.radius
@@ -116,7 +120,7 @@ def _corners(outline):
     return [(x + r * math.cos(angle), y + r * math.sin(angle)) for angle in angles]
 
 
-def _raised(place):
+def _raised(place: tuple[float, float]) -> Point:
     return (place[0], place[1], THICKNESS)
 
 

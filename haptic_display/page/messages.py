@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a page may ask for: one JSON object a message, of one model each, judged before anything is done."""
 
+from collections.abc import Mapping
 from functools import reduce
 from operator import or_
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
@@ -54,7 +55,7 @@ class Aim(Message):
         return {axis: getattr(self, axis) for axis in AXES if axis in self.model_fields_set}
 
     @model_validator(mode="after")
-    def _names_an_axis(self):
+    def _names_an_axis(self) -> Self:
         if not self.place:
             raise ValueError("names none of x, y, theta")
         return self
@@ -143,7 +144,8 @@ class Mend(Message):
 
 
 _MODELS = {model.model_fields["do"].default: model for model in Message.__subclasses__()}
-_ADAPTER = TypeAdapter(Annotated[reduce(or_, _MODELS.values()), Field(discriminator="do")])
+_ANY: Any = reduce(or_, _MODELS.values())
+_ADAPTER: TypeAdapter[Message] = TypeAdapter(Annotated[_ANY, Field(discriminator="do")])
 
 
 def parse(text: str) -> Message:
@@ -154,7 +156,7 @@ def parse(text: str) -> Message:
         raise ValueError(_sentence(error.errors()[0])) from None
 
 
-def _sentence(error):
+def _sentence(error: Mapping[str, Any]) -> str:
     if error["type"] == "json_invalid":
         return f"a message is not JSON ({error['ctx']['error']})"
     if not error["loc"]:

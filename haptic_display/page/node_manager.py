@@ -3,8 +3,10 @@
 
 import asyncio
 import time
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from typing import Any
 
+from haptic_device.config.parameter_files import Values
 from haptic_display.page.settings import DRIVER, RECORDER, SIMULATION
 from haptic_display.run.domain import isolated_domain
 from haptic_display.run.prepare import prepare
@@ -12,7 +14,7 @@ from haptic_display.run.processes import NAMESPACE, Nodes, ros_arguments, undist
 from haptic_display.run.system import Order, Relay, programs_of
 from haptic_sim.node.parameters import NODES
 
-HAND = {"haptic_loopback": {"motion.name": "follow"}, RECORDER: {"bag": "", "autostart": False}}
+HAND: Values = {"haptic_loopback": {"motion.name": "follow"}, RECORDER: {"bag": "", "autostart": False}}
 NETWORK = {"delay": 200.0, "jitter": 200.0}  # most that may be asked for [ms]: beyond it nothing more is felt
 
 
@@ -28,7 +30,7 @@ class NodeManager:
         for program in programs_of(self._order):
             self._nodes.start(program)
 
-    def keep(self, values: dict[str, dict]) -> None:
+    def keep(self, values: Values) -> None:
         """What the next start of the nodes shall not lose: the driver's live parameters, the simulation's scene and
         method. values: as the nodes say them now, {node: {name: value}}; what is not said stays as it was."""
         if self._changing.locked():
@@ -41,7 +43,7 @@ class NodeManager:
         scene = values.get(SIMULATION, {}).get("scene", self._order.scene)
         self._order = self._order._replace(scene=scene, given=given | kept)
 
-    def offer(self) -> dict:
+    def offer(self) -> dict[str, dict[str, Any]]:
         """What `change` takes, and how it is now."""
         from haptic_device.config.parameters import EXCHANGE_METHODS, Exchange
 
@@ -54,7 +56,7 @@ class NodeManager:
         method = {"value": self._order.exchange or Exchange.model_fields["method"].default, "choices": EXCHANGE_METHODS}
         return {"exchange.method": method, **times, "loss": loss}
 
-    async def change(self, name: str, value, enable: bool) -> str:
+    async def change(self, name: str, value: Any, enable: bool) -> str:
         """Starts the nodes again with this changed, all else kept; the recorder goes on. ValueError if it cannot be.
         enable: whether the driver enables itself then."""
         async with self._changing:
@@ -85,7 +87,7 @@ class NodeManager:
                 if program.name in names:
                     self._nodes.start(program)
 
-    def _changed(self, name, value):
+    def _changed(self, name: str, value: Any) -> Order:
         offered = self.offer()
         if name not in offered:
             raise ValueError(f"{name} is none of {', '.join(offered)}")
@@ -106,7 +108,7 @@ def _enabling(order: Order, enable: bool) -> Order:
     return order._replace(given=order.given | {DRIVER: driver})
 
 
-def play(order: Order, page: dict, stop=None) -> bool:
+def play(order: Order, page: dict[str, Any], stop: Callable[[], bool] | None = None) -> bool:
     """Runs the nodes of the order with a page, until Ctrl-C or the order's seconds are over. page: host and port;
     stop() asks for an e-stop."""
     order = order._replace(given=HAND)

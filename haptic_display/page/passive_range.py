@@ -3,12 +3,19 @@
 
 import asyncio
 import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
 
 from haptic_device.config.description import Device
+from haptic_device.config.parameter_types import Parameter
 from haptic_device.control import controller_config, gain_check
 from haptic_display.page.settings import DRIVER, LIVE
 from haptic_display.page.state import State
 
+Left = Callable[[float], float]
+"""Damping that is left over at a value of a gain."""
 GAINS = {
     "coupling.stiffness": ("coupling", "stiffness", slice(0, 2)),
     "coupling.damping": ("coupling", "damping", slice(0, 2)),
@@ -29,9 +36,10 @@ class PassiveRanges:
     """`found` is what passive_ranges gave last; lateness as the driver's diagnostics say it."""
 
     def __init__(self, state: State):
-        self._state, self._known, self._late, self.found = state, None, 0.0, {}
+        self._state, self._late, self.found = state, 0.0, dict[str, Any]()
+        self._known: tuple[Device, dict[str, Any]] | None = None
 
-    async def follow(self, device, values: dict) -> None:
+    async def follow(self, device: Device | None, values: dict[str, Any]) -> None:
         """Finds the ranges anew, in a thread, if the device, the driver's values or its lateness have changed."""
         late = self._state.said(DRIVER, "lateness_counted_us")
         if not isinstance(device, Device) or not values or not late:
@@ -44,7 +52,7 @@ class PassiveRanges:
         self._known, self._late = known, lateness
 
 
-def passive_ranges(device: Device, values: dict, lateness: float) -> dict:
+def passive_ranges(device: Device, values: dict[str, Any], lateness: float) -> dict[str, Any]:
     """{name: [least, most]} of each gain, None where no value is passive; of walls {name: [[least, most], ...]}, of the
     first MOST_WALLS.
 
@@ -55,7 +63,7 @@ def passive_ranges(device: Device, values: dict, lateness: float) -> dict:
         settings = controller_config.settings_unjudged(device, values)
     except (ValueError, KeyError):  # KeyError: a driver that does not have all of this version's parameters
         return {}
-    found = {}
+    found: dict[str, Any] = {}
     for name, (group, field, axes) in GAINS.items():
         if axes != 2 or int(settings["axes"][0]) > 2:
             place = (0,) if axes is None else (0, axes)
@@ -70,7 +78,7 @@ def passive_ranges(device: Device, values: dict, lateness: float) -> dict:
     return found
 
 
-def _one_more(settings, lateness):
+def _one_more(settings: np.ndarray, lateness: float) -> list[float] | None:
     """[0, most stiffness [N/m]] of a wall that is added, or None if there is no passive one, or no room for one."""
     walls, new = settings["wall"], int(settings["wall"]["count"][0])
     if new >= controller_config.MOST_WALLS:
@@ -80,15 +88,17 @@ def _one_more(settings, lateness):
     for normal in ((1.0, 0.0), (0.0, 1.0))[: int(settings["axes"][0])]:
         walls["x"][0, new], walls["y"][0, new] = normal
         ranges.append(_range(settings, lateness, (walls["stiffness"], (0, new)), LIVE["wall.stiffness"]))
-    return None if None in ranges else min(ranges)
+    return None if None in ranges else min(filter(None, ranges))
 
 
-def _range(settings, lateness, where, declared):
+def _range(
+    settings: np.ndarray, lateness: float, where: tuple[np.ndarray, Any], declared: Parameter
+) -> list[float] | None:
     """[least, most] within the legal values; where: an array and the place in it that holds the gain."""
     array, place = where
     kept = array[place].copy()
 
-    def left(value):
+    def left(value: float) -> float:
         """Damping that is left over; it has no more than one rise and fall over the values of one gain."""
         array[place] = value
         return min(gain_check.margins(settings[0], lateness)[1:])
@@ -104,7 +114,7 @@ def _range(settings, lateness, where, declared):
         array[place] = kept
 
 
-def _best(left, low, high):
+def _best(left: Left, low: float, high: float) -> float:
     """The value that leaves most damping over."""
     for _ in range(SEARCHED):
         third = (high - low) / 3.0
@@ -112,7 +122,7 @@ def _best(left, low, high):
     return min(low, high, key=lambda value: (-left(value), value))
 
 
-def _end(left, passive, end):
+def _end(left: Left, passive: float, end: float) -> float:
     """The last passive value on the way from a passive one to an end."""
     if left(end) > 0.0:
         return float(end)

@@ -94,7 +94,7 @@ def along(parts: list[Leg], share: float) -> Place:
     return x, y, theta
 
 
-def _pieces(way):
+def _pieces(way: list[Place]) -> list[list[Place]]:
     pieces = [way[:2]]
     for place in way[2:]:
         before, corner = pieces[-1][-2:]
@@ -105,13 +105,13 @@ def _pieces(way):
     return pieces
 
 
-def _ways(places):
+def _ways(places: list[Place]) -> tuple[float, ...]:
     return tuple(accumulate((math.hypot(*_step(*leg)) for leg in pairwise(places)), initial=0.0))
 
 
-def _step(a, b):
+def _step(a: Place, b: Place) -> Place:
     return b[0] - a[0], b[1] - a[1], ARM * (b[2] - a[2])
 
 
-def _bend(a, b):
+def _bend(a: Place, b: Place) -> float:
     return sum(x * y for x, y in zip(a, b, strict=True)) / (math.hypot(*a) * math.hypot(*b))

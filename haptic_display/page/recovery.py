@@ -3,11 +3,17 @@
 
 import asyncio
 import time
+from collections.abc import Collection
+from typing import TYPE_CHECKING
 
 from haptic_device.message_fields import AXES
 from haptic_display.page.settings import DRIVER, RECORDER, SIMULATION
 from haptic_display.page.trouble import NAMES, Trouble, named
 from haptic_display.page.waiting import ARRIVAL, STARTING, until
+
+if TYPE_CHECKING:  # they import this, or what it can do without
+    from haptic_display.page.commands import CommandHandler
+    from haptic_display.page.node_manager import NodeManager
 
 DOING = "what the banner says is being done"
 STOPS = ("estop", "device_estop")  # faults that somebody has asked for
@@ -20,7 +26,7 @@ AT_START = 10.0  # s for the display to engage where the scene begins
 class Recovery:
     """Of a command handler, whose hand, orders and scenes it uses. nodes: as of the handler."""
 
-    def __init__(self, commands, nodes=None):
+    def __init__(self, commands: "CommandHandler", nodes: "NodeManager | None" = None):
         self._commands, self._nodes = commands, nodes
 
     @property
@@ -41,7 +47,7 @@ class Recovery:
             self._commands.held_off = False  # what was stopped before; a stop from now on counts
             return await self._engage(trouble.fault)
 
-    async def _mend_nodes(self, names):
+    async def _mend_nodes(self, names: Collection[str]) -> str:
         """A motor that was off before stays off, and who has stopped the display is not overruled."""
         commands = self._commands
         await self._start_again(names)
@@ -50,7 +56,7 @@ class Recovery:
             return f"{named(names)} {'run' if len(names) > 1 else 'runs'} again"
         return await self._engage(commands.fault, anew=True)
 
-    async def _start_again(self, names):
+    async def _start_again(self, names: Collection[str]) -> None:
         if self._nodes is None:
             raise ValueError("these nodes are not the page's to start: start them where they were started")
         commands = self._commands
@@ -67,7 +73,7 @@ class Recovery:
                 raise ValueError(f"the {NAMES[name]} was started, and says nothing yet: wait, and press again")
         await commands.poll()
 
-    async def _engage(self, fault, anew=False):
+    async def _engage(self, fault: str, anew: bool = False) -> str:
         """fault: the one that may be cleared; anew: with nodes that were started again, so that the scene begins again
         too."""
         commands = self._commands
@@ -91,7 +97,7 @@ class Recovery:
         finally:
             commands.let_go()
 
-    async def _clear(self, fault):
+    async def _clear(self, fault: str) -> str:
         """Clears the fault; a driver or a device that has just begun may need a moment."""
         end = time.monotonic() + READY
         while True:
@@ -103,20 +109,20 @@ class Recovery:
                     raise
             await asyncio.sleep(RETRY)
 
-    async def _lead_inside(self):
+    async def _lead_inside(self) -> None:
         """A simulated hand goes to where the handle may be, no farther than it must; a person's is their own."""
         commands = self._commands
-        if not commands.state.axes:
+        if not commands.state.axes or (truth := commands.state.truth) is None:
             return
         commands.hand.release()
         try:
-            place = commands.state.to_world(commands.state.truth.position)[: commands.state.axes]
+            place = commands.state.to_world(truth.position)[: commands.state.axes]
             commands.aim(dict(zip(AXES, place, strict=False)))
         except ValueError:
             return  # it plays a script
         await until(lambda: commands.held_off or (commands.arrived and commands.inside), ARRIVAL)
 
-    async def _engaged(self, patience):
+    async def _engaged(self, patience: float) -> bool:
         """Whether it is within so many seconds. ValueError if it is stopped."""
         commands = self._commands
         engaged = await until(lambda: commands.held_off or commands.state.said(DRIVER, "state") == "engaged", patience)

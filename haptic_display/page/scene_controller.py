@@ -2,6 +2,8 @@
 """The simulation's scene and method as pages choose them."""
 
 import asyncio
+from collections.abc import Awaitable
+from typing import TYPE_CHECKING
 
 from haptic_device.config.files import names
 from haptic_device.message_fields import AXES
@@ -10,6 +12,9 @@ from haptic_display.page.waiting import ARRIVAL, until
 from haptic_display.service_requests import set_parameters, trigger
 from haptic_sim.scene.language import load
 from haptic_sim.scene.needs import needs_of
+
+if TYPE_CHECKING:  # it imports this
+    from haptic_display.page.commands import CommandHandler
 
 DOING = "the hand goes to where the scene begins"
 LOADING = 180.0  # s that a simulation may take to load: a method that nobody has used before is compiled
@@ -22,7 +27,7 @@ class SceneController:
 
     changing: whether the hand is led to the start of a scene."""
 
-    def __init__(self, commands):
+    def __init__(self, commands: "CommandHandler"):
         self._commands, self.changing = commands, False
 
     async def load(self, name: str) -> str:
@@ -52,13 +57,13 @@ class SceneController:
             self.changing = False
             self._commands.let_go()
 
-    async def _alone(self, change, fault=""):
+    async def _alone(self, change: dict[str, str], fault: str = "") -> str:
         with self._commands.alone(DOING):
             if fault:
                 self._commands.held_off = False  # what was stopped before; a stop from now on counts
             return await self.enter(change, fault)
 
-    async def _enter(self, change, fault):
+    async def _enter(self, change: dict[str, str], fault: str) -> str:
         commands = self._commands
         driven = commands.driving
         await self._let_go()
@@ -80,12 +85,12 @@ class SceneController:
         await commands.poll()
         return said
 
-    async def _let_go(self):
+    async def _let_go(self) -> None:
         """The hand stops pulling while the motor still holds against it: else it would fly off with the motor."""
         self._commands.let_go()
         await until(lambda: self._commands.yielded, YIELD)
 
-    async def _change(self, change):
+    async def _change(self, change: dict[str, str]) -> str:
         """Has the simulation load, with these parameters, or begin again; parameters that it cannot load are undone."""
         ask = self._commands.ask
         if not change:
@@ -99,17 +104,17 @@ class SceneController:
                 await ask(set_parameters(SIMULATION, before))
             raise
 
-    async def _lead_to_start(self, name):
-        commands = self._commands
+    async def _lead_to_start(self, name: str | None) -> None:
+        commands, scene = self._commands, self._commands.state.scene
         try:
-            start = needs_of(name).start if name else commands.state.scene.solids[0].pose
+            start = needs_of(name).start if name else scene.solids[0].pose  # type: ignore[union-attr]  # caught below
             commands.aim(dict(zip(AXES[: commands.state.axes], map(float, start), strict=False)))
         except (ValueError, TypeError, AttributeError):
             return  # no hand that follows, or no scene, or one that the simulation refuses
         await until(lambda: commands.arrived, ARRIVAL)
         await asyncio.sleep(REST)
 
-    async def _quietly(self, asked):
+    async def _quietly(self, asked: Awaitable[object]) -> None:
         try:
             await asked
         except ValueError:

@@ -6,7 +6,9 @@ import errno
 import logging
 import os
 import socket
+from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from aiohttp import web
 from aiohttp.http_exceptions import HttpProcessingError
@@ -16,7 +18,7 @@ from haptic_display.page.guard import ALONE, HEADERS, Guard, is_loopback, reacha
 from haptic_display.page.kept_tokens import kept
 from haptic_display.page.loading import LARGEST
 from haptic_display.page.messages import LONGEST
-from haptic_display.page.session import Session, encoded
+from haptic_display.page.session import Do, Session, encoded
 from haptic_sim.node.parameters import HOME_PORT
 
 WEB = Path(__file__).with_name("web")
@@ -25,6 +27,14 @@ MOST_PAGES = 16
 PORTS = 16  # tried from HOME_PORT on
 MOST_CONNECTIONS = 64  # of one address: more than all pages there can be, and what their browsers fetch
 HANDSHAKE = 10.0  # s for a first request, and from one request to the next
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+Welcome = Callable[[Session], None]
+Asked = Callable[..., Awaitable[Any]]  # save() → str, load(file: bytes) → str, film(name: str) → bytes
+
+
+async def none(*asked: object) -> Any:
+    """What a server without files and films has of them."""
+    raise ValueError("this server has nothing of the kind")
 
 
 class Server:
@@ -33,12 +43,18 @@ class Server:
     film(name) is the page that plays a recording, as Recordings.film. notes: sentences on its addresses, once it has
     started."""
 
-    def __init__(self, host: str, port: int, welcome, do, save=None, load=None, film=None):
-        self.guard, self.sessions, self.notes = Guard(host), [], []
+    def __init__(
+        self, host: str, port: int, welcome: Welcome, do: Do, save: Asked = none, load: Asked = none, film: Asked = none
+    ):
+        self.guard = Guard(host)
+        self.sessions: list[Session] = []
+        self.notes: list[str] = []
         self._host, self._port, self._welcome, self._do, self._save = host, port, welcome, do, save
         self._load, self._film = load, film
         self._files = {path.name: path for path in WEB.iterdir() if path.suffix in TYPES}  # all that can be fetched
-        self._runner = self._listener = self._limit = None
+        self._runner: web.AppRunner | None = None
+        self._listener: asyncio.Server | None = None
+        self._limit: ConnectionLimit  # once it has started
 
     async def start(self) -> None:
         """Listens. ValueError, one sentence, if the address is taken or there is none of this name.
@@ -50,11 +66,13 @@ class Server:
         app.router.add_get("/{token}/film.html", self._recording)
         app.router.add_post("/{token}/operating_point.yaml", self._take_operating_point)
         app.router.add_get("/{token}/{name:[^/]*}", self._file)
-        given = {"access_log": None, "logger": logging.getLogger(__name__)}
-        given["logger"].addFilter(_worth_a_line)
-        self._runner = web.AppRunner(app, shutdown_timeout=1.0, keepalive_timeout=HANDSHAKE, **given)
-        await self._runner.setup()
-        self._limit = ConnectionLimit(self._runner.server)
+        log = logging.getLogger(__name__)
+        log.addFilter(_worth_a_line)
+        runner = web.AppRunner(app, shutdown_timeout=1.0, keepalive_timeout=HANDSHAKE, access_log=None, logger=log)
+        self._runner = runner
+        await runner.setup()
+        assert runner.server is not None  # it is set up
+        self._limit = ConnectionLimit(runner.server)
         asked = self._port
         self._port = await self._listen(range(asked, asked + (PORTS if asked == HOME_PORT else 1)))
         if asked not in (0, self._port):
@@ -63,7 +81,7 @@ class Server:
             (self.guard.control, self.guard.look), note = kept()
             self.notes += [note] if note else []
 
-    async def _listen(self, ports):
+    async def _listen(self, ports: Sequence[int]) -> int:
         """The first of these ports that is free."""
         for port in ports:
             try:
@@ -72,8 +90,9 @@ class Server:
             except OSError as error:  # its text is that of the library, for a taken port with a number in brackets
                 if error.errno == errno.EADDRINUSE and port != ports[-1]:
                     continue
-                why = error.strerror if isinstance(error, socket.gaierror) else os.strerror(error.errno)
+                why = error.strerror if isinstance(error, socket.gaierror) else os.strerror(error.errno or 0)
                 raise ValueError(f"no page can be served on host {self._host!r}, port {port}: {why}") from None
+        raise ValueError(f"no page can be served on host {self._host!r} without a port")
 
     async def stop(self) -> None:
         """Closes all pages' connections."""
@@ -88,12 +107,12 @@ class Server:
         host = f"[{host}]" if ":" in host else host
         return f"http://{host}:{self._port}/{self.guard.control if control else self.guard.look}/"
 
-    def tell(self, kind: str, content) -> None:
+    def tell(self, kind: str, content: object) -> None:
         """News for all pages."""
         for session in self.sessions:
             session.tell(kind, content)
 
-    def show(self, frame: dict) -> None:
+    def show(self, frame: dict[str, Any]) -> None:
         """A frame for all pages that keep up."""
         if self.sessions:
             text = encoded(frame)
@@ -101,7 +120,7 @@ class Server:
                 session.show(text)
 
     @web.middleware
-    async def _guarded(self, request, handler):
+    async def _guarded(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         self._limit.heard(request.transport)
         try:
             answer = await self._admitted(request, handler)
@@ -115,18 +134,18 @@ class Server:
                 answer.headers.setdefault(name, value)
         return answer
 
-    async def _admitted(self, request, handler):
+    async def _admitted(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         self.guard.check_host(request.headers.get("Host", ""))
         self.guard.may_control(_token(request))
         return await handler(request)
 
-    async def _file(self, request):
+    async def _file(self, request: web.Request) -> web.FileResponse:
         path = self._files.get(request.match_info["name"] or "index.html")
         if path is None:
             raise web.HTTPNotFound(text=f"there is nothing called {request.match_info['name']}\n")
         return web.FileResponse(path, headers={"Content-Type": f"{TYPES[path.suffix]}; charset=utf-8"})
 
-    async def _recording(self, request):
+    async def _recording(self, request: web.Request) -> web.Response:
         """Also for a page that looks on only: it changes nothing that moves."""
         try:
             page = await self._film(request.query.get("bag", ""))
@@ -136,7 +155,7 @@ class Server:
             raise web.HTTPServiceUnavailable(text=f"{error}\n") from None
         return web.Response(body=page, headers=ALONE | {"Content-Type": "text/html; charset=utf-8"})
 
-    async def _operating_point(self, request):
+    async def _operating_point(self, request: web.Request) -> web.Response:
         headers = {"Content-Disposition": 'attachment; filename="operating_point.yaml"'}
         try:
             text = await self._save()
@@ -144,7 +163,7 @@ class Server:
             raise web.HTTPServiceUnavailable(text=f"nothing is saved: {error}\n") from None
         return web.Response(text=text, content_type="application/yaml", headers=headers)
 
-    async def _take_operating_point(self, request):
+    async def _take_operating_point(self, request: web.Request) -> web.Response:
         self.guard.check_origin(request.headers.get("Origin"), request.headers.get("Host", ""))
         if not self.guard.may_control(_token(request)):
             raise PermissionError("this page only looks on")
@@ -156,7 +175,7 @@ class Server:
             refusal = in_words(error)
         return web.Response(status=400, text=refusal)
 
-    async def _open_socket(self, request):
+    async def _open_socket(self, request: web.Request) -> web.StreamResponse:
         self.guard.check_origin(request.headers.get("Origin"), request.headers.get("Host", ""))
         control = self.guard.may_control(_token(request))
         if sum(session.control == control for session in self.sessions) >= MOST_PAGES:
@@ -177,13 +196,13 @@ class ConnectionLimit:
     """How many connections an address may have, and how long one may ask for nothing. Called, makes the protocol of a
     new connection; inside() makes the one that serves those that are let in."""
 
-    def __init__(self, inside):
-        self._inside, self._waiting = inside, {}
+    def __init__(self, inside: Callable[[], asyncio.Protocol]):
+        self._inside, self._waiting = inside, dict[asyncio.Transport, asyncio.TimerHandle]()
 
     def __call__(self) -> asyncio.Protocol:
         return _Entrance(self)
 
-    def admit(self, transport) -> None:
+    def admit(self, transport: asyncio.Transport) -> None:
         """Serves a connection, or breaks it off: at once if its address has enough, later if it asks for nothing."""
         self._waiting = {one: timer for one, timer in self._waiting.items() if not one.is_closing()}
         if sum(_address(one) == _address(transport) for one in self._waiting) >= MOST_CONNECTIONS:
@@ -194,21 +213,21 @@ class ConnectionLimit:
         transport.set_protocol(protocol)
         protocol.connection_made(transport)
 
-    def heard(self, transport) -> None:
+    def heard(self, transport: asyncio.Transport | None) -> None:
         """A request has come: what is asked for afterwards has the server's own time-out."""
         if transport in self._waiting:
             self._waiting[transport].cancel()
 
 
 class _Entrance(asyncio.Protocol):
-    def __init__(self, limit):
+    def __init__(self, limit: ConnectionLimit):
         self._limit = limit
 
-    def connection_made(self, transport):
+    def connection_made(self, transport: Any) -> None:
         self._limit.admit(transport)
 
 
-def _worth_a_line(record):
+def _worth_a_line(record: logging.LogRecord) -> bool:
     """Of what goes wrong with a request one sentence is logged, no traceback; of a browser that goes away or asks for
     what is no request nothing is."""
     error, record.exc_info = (record.exc_info or (None, None))[1], None
@@ -218,9 +237,9 @@ def _worth_a_line(record):
     return not isinstance(error, ConnectionError | HttpProcessingError) and str(error) != "Transport is closing"
 
 
-def _token(request):
+def _token(request: web.Request) -> str:
     return (request.path.split("/") + [""])[1]
 
 
-def _address(transport):
+def _address(transport: asyncio.Transport) -> str:
     return transport.get_extra_info("peername")[0]

@@ -6,11 +6,13 @@ import itertools
 import json
 import math
 import time
+from collections.abc import Awaitable, Callable, Coroutine
+from typing import Any
 
 from aiohttp import WSMsgType, web
 
 from haptic_device.os_errors import in_words
-from haptic_display.page.messages import Aim, Seen, Trigger, parse
+from haptic_display.page.messages import Aim, Message, Seen, Trigger, parse
 
 MOST_PER_SECOND = 300  # messages that are taken
 BURST = 150  # messages beyond that
@@ -24,22 +26,25 @@ ANSWER = "answer "  # kind of news, followed by a number: none takes another's p
 MOST_STOPS = 4  # that a page has asked for and that are not done; all further ones are one more
 STOP = Trigger(service="estop")  # no page is refused it, of whatever it has had enough
 STOPPING = '"estop"'  # is in every message that stops
+Do = Callable[[Message, "Session"], Awaitable[str]]
+"""Does what a page asks for, and says what was done; ValueError to refuse."""
 
 
 class Session:
-    """`sent`, `seen` and `dropped` count frames, `heard` the page's messages. do: async (message, session) → sentence,
-    ValueError to refuse."""
+    """`sent`, `seen` and `dropped` count frames, `heard` the page's messages."""
 
-    def __init__(self, socket: web.WebSocketResponse, control: bool, do):
+    def __init__(self, socket: web.WebSocketResponse, control: bool, do: Do):
         self.control, self._socket, self._do = control, socket, do
         self.sent = self.seen = self.dropped = self.heard = 0
-        self._news, self._frame, self._wake = {}, None, asyncio.Event()
+        self._news: dict[str, Any] = {}
+        self._frame: str | None = None
+        self._wake = asyncio.Event()
         self._last_seen, self._hinted = time.monotonic(), -HINT_PERIOD
-        self._busy: set[asyncio.Task] = set()
+        self._busy: set[asyncio.Task[None]] = set()
         self._stops, self._stop_again = 0, False
         self._numbers = itertools.count()
 
-    def tell(self, kind: str, content) -> None:
+    def tell(self, kind: str, content: object) -> None:
         """News of a kind: a newer one takes the place of one that has not been sent."""
         self._news[kind] = content
         answers = [known for known in self._news if known.startswith(ANSWER)]
@@ -65,7 +70,7 @@ class Session:
         finally:
             sending.cancel()  # what the page asked for goes on: nodes that are started again, an e-stop above all
 
-    async def _send(self):
+    async def _send(self) -> None:
         while True:
             await self._wake.wait()
             self._wake.clear()
@@ -80,7 +85,7 @@ class Session:
             except ConnectionError:
                 return
 
-    async def _receive(self):
+    async def _receive(self) -> None:
         rate = RateLimit(time.monotonic())
         async for received in self._socket:
             self.heard += 1
@@ -91,10 +96,10 @@ class Session:
             else:
                 self._take(received.data, not rate.allows(time.monotonic()))
 
-    def _take(self, text, too_many):
+    def _take(self, text: str, too_many: bool) -> None:
         try:
             message = parse(text) if STOPPING in text or not too_many else None
-            if too_many and message != STOP:
+            if message is None or (too_many and message != STOP):
                 raise ValueError(f"more than {MOST_PER_SECOND} messages a second: some are ignored")
             if not self.control and not isinstance(message, Seen) and message != STOP:
                 raise ValueError("this page is view-only")
@@ -111,13 +116,13 @@ class Session:
         else:
             self._begin(self._answer(message))
 
-    def _begin(self, work):
+    def _begin(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
         task = asyncio.create_task(work)
         self._busy.add(task)
         task.add_done_callback(self._busy.discard)
         return task
 
-    def _stop(self):
+    def _stop(self) -> None:
         """At once; beyond MOST_STOPS as soon as one of those is done, once for all that wait."""
         if self._stops >= MOST_STOPS:
             self._stop_again = True
@@ -125,13 +130,13 @@ class Session:
         self._stops += 1
         self._begin(self._answer(STOP)).add_done_callback(self._stopped)
 
-    def _stopped(self, task):
+    def _stopped(self, task: asyncio.Task[None]) -> None:
         self._stops -= 1
         if self._stop_again and not task.cancelled():
             self._stop_again = False
             self._stop()
 
-    async def _answer(self, message):
+    async def _answer(self, message: Message) -> None:
         try:
             sentence, done = await self._do(message, self), True
         except (ValueError, OSError) as refusal:
@@ -142,7 +147,7 @@ class Session:
         elif sentence:
             self._hint(sentence)
 
-    def _hint(self, sentence):
+    def _hint(self, sentence: str) -> None:
         if time.monotonic() > self._hinted + HINT_PERIOD:
             self._hinted = time.monotonic()
             self.tell("hint", sentence)
@@ -164,7 +169,7 @@ class RateLimit:
         return True
 
 
-def encoded(content) -> str:
+def encoded(content: object) -> str:
     """JSON, which has no infinity: a number that is none becomes null."""
     try:
         return json.dumps(content, allow_nan=False)
@@ -172,7 +177,7 @@ def encoded(content) -> str:
         return json.dumps(_known(content))
 
 
-def _known(content):
+def _known(content: Any) -> Any:
     if isinstance(content, dict):
         return {name: _known(value) for name, value in content.items()}
     if isinstance(content, list | tuple):

@@ -8,7 +8,8 @@ import json
 import math
 import struct
 import time
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -49,7 +50,8 @@ class State:
         self._scenes = client.subscribe("scene", STRING, STATE)
         self._places = client.subscribe("scene/state", JOINTS, LATEST, raw=True)
         self._clouds = client.subscribe("scene/contacts", CLOUD, LATEST)
-        self._layout, self._heard = None, {}
+        self._layout: JointLayout | None = None
+        self._heard: dict[str, float] = {}
         self._map = frame_id(client.node.get_namespace(), "map")
         self.scale = (1.0, 1.0)  # of the device: world metres per device metre, and radians
         self.scene: Drawing | None = None
@@ -57,7 +59,9 @@ class State:
         self.problem = ""
         self.truth: Truth | None = None
         self.statuses: dict[str, Status] = {}
-        self.places, self.contacts, self.wrench = {}, [], None
+        self.places: dict[str, Any] = {}
+        self.contacts: list[list[float]] = []
+        self.wrench: list[float] | None = None
 
     @property
     def axes(self) -> int:
@@ -70,8 +74,8 @@ class State:
         client.look()
         self.truth = _truth(client.truth) if now < client.truth_heard + STALE else None
         self.statuses = {name: said for name, said in client.statuses.items() if now < client.heard[name] + SILENT}
-        for sample in self._scenes.take():
-            self._introduce(sample.message.data)
+        for scene in self._scenes.take():
+            self._introduce(scene.message.data)
         for name, topic, read in (
             ("places", self._places, self._read_places),
             ("contacts", self._clouds, self._read_contacts),
@@ -82,7 +86,7 @@ class State:
                 self._heard[name] = now
         self._forget(now)
 
-    def frame(self) -> dict:
+    def frame(self) -> dict[str, Any]:
         """What moves, for one picture; coordinates of handle, target, tool and bodies in the world [m, m, rad]. None is
         what is not known, or is no number. coupled: whether the coupling holds the tool as it is wished for."""
         truth, places = self.truth, self.places
@@ -104,17 +108,17 @@ class State:
         """Last value of a node's diagnostic entry."""
         return self.statuses[node].values.get(entry, otherwise) if node in self.statuses else otherwise
 
-    def to_world(self, place) -> list[float]:
+    def to_world(self, place: Sequence[float]) -> list[float]:
         """A place of the device in the world, the clutch never opened; axes that it lacks are 0."""
         length, angle = self.scale
         return [scale * x for scale, x in zip((length, length, angle), _three(place), strict=True)]
 
-    def _handle(self):
+    def _handle(self) -> list[float] | None:
         """As the driver last told the simulation, while there is a driver; else the truth."""
         told = self.places.get(HANDLE) if DRIVER in self.statuses else None
         return told or (self.truth and self.to_world(self.truth.position))
 
-    def _introduce(self, text):
+    def _introduce(self, text: str) -> None:
         try:
             scene = parse(json.loads(text), "scene")
             self.scene, self.problem = drawing_of(scene), ""
@@ -125,8 +129,8 @@ class State:
         self.scene_number += 1
         self.places, self.contacts = {}, []
 
-    def _read_places(self, data):
-        if self._layout is None or not self._layout.matches(data):
+    def _read_places(self, data: bytes) -> bool:
+        if self._layout is None or self.scene is None or not self._layout.matches(data):
             return False
         _, position, _, _ = self._layout.numbers(data)
         count = 3 * (1 + len(self.scene.solids))
@@ -136,33 +140,33 @@ class State:
             self.places[HANDLE] = poses[0]
         return True
 
-    def _read_contacts(self, cloud):
+    def _read_contacts(self, cloud: Any) -> bool:
         if cloud.point_step != CONTACT.itemsize or len(cloud.data) % CONTACT.itemsize:
             return False
         self.contacts = [row.tolist() for row in np.frombuffer(cloud.data, CONTACT)]
         return True
 
-    def _read_wrench(self, data):
+    def _read_wrench(self, data: bytes) -> bool:
         numbers = _WRENCH.unpack_from(data, len(data) - _WRENCH.size)
         self.wrench = [numbers[0], numbers[1], numbers[5]]
         return True
 
-    def _forget(self, now):
+    def _forget(self, now: float) -> None:
         for name, nothing in (("places", {}), ("contacts", []), ("wrench", None)):
             if now >= self._heard.get(name, -math.inf) + STALE:
                 setattr(self, name, nothing)
 
 
-def _truth(parts):
+def _truth(parts: dict[str, tuple[float, float, float]]) -> Truth:
     axes = [axis for axis in AXES if axis in parts]
     hand, motor = [parts[axis] for axis in axes], [parts[f"motor_{axis}"] for axis in axes]
     (position, _, operator), (target, _, force) = zip(*hand, strict=True), zip(*motor, strict=True)
     return Truth(position, target, operator, force, parts["energy_given"][0])
 
 
-def _known(numbers):
+def _known(numbers: Sequence[float] | None) -> Sequence[float] | None:
     return numbers if numbers and all(map(math.isfinite, numbers)) else None
 
 
-def _three(numbers):
+def _three(numbers: Sequence[float]) -> list[float]:
     return [*numbers, *[0.0] * (3 - len(numbers))]

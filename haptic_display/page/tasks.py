@@ -20,7 +20,7 @@ def tasks() -> list[dict[str, str]]:
 
 
 @functools.cache
-def _known(scenes):
+def _known(scenes: tuple[str, ...]) -> tuple[dict[str, str], dict[str, str]]:
     """Titles by name, and the scenes that follow; a file that holds no scene says so to whoever loads it."""
     titles, following = {}, {}
     for name in scenes:

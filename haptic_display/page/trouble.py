@@ -3,13 +3,16 @@
 
 import time
 from collections.abc import Collection
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from haptic_device.control.faults import FAULTS
 from haptic_display.client import Client
 from haptic_display.fault_sentence import BUTTON, PRESS, cause, fell, steps
 from haptic_display.page.settings import DRIVER, LOOPBACK, RECORDER, SIMULATION
 from haptic_display.page.state import SILENT, State
+
+if TYPE_CHECKING:  # it starts nodes
+    from haptic_display.page.node_manager import NodeManager
 
 NAMES = {DRIVER: "driver", SIMULATION: "simulation", LOOPBACK: "device", RECORDER: "recorder"}
 NAMES |= {"haptic_bridge": "bridge of the device", "haptic_relay": "relay"}
@@ -34,11 +37,12 @@ class Trouble(NamedTuple):
 class TroubleFinder:
     """`trouble` is as of the last look, None if all is well. nodes: those that are this process's to start again."""
 
-    def __init__(self, state: State, client: Client, nodes=None):
+    def __init__(self, state: State, client: Client, nodes: "NodeManager | None" = None):
         self.trouble: Trouble | None = None
         self._state, self._client, self._nodes = state, client, nodes
         self._ended: dict[str, float] = {}
-        self._since, self._told = 0.0, None
+        self._since = 0.0
+        self._told: str | None = None
 
     def look(self, held: bool) -> None:
         """Finds what is wrong now. held: somebody is mending it, and it stays until that is done."""
@@ -58,10 +62,10 @@ class TroubleFinder:
             return self.trouble.told
         return ""
 
-    def _title(self, trouble):
-        return trouble and trouble.title
+    def _title(self, trouble: Trouble | None) -> str | None:
+        return trouble.title if trouble else None
 
-    def _of_nodes(self, now):
+    def _of_nodes(self, now: float) -> Trouble | None:
         if self._nodes and self._nodes.changing:
             return None
         ended = self._ended_nodes(now)
@@ -82,10 +86,10 @@ class TroubleFinder:
         told = f"{title}: {why}. " + (f'Press "{button}" on the page.' if button else f"{first}.")
         return Trouble(title, f"{why}.", first, button, tuple(found), told=told)
 
-    def _command(self, name):
+    def _command(self, name: str) -> str:
         return f"ros2 run haptic_display {name} --ros-args -r __ns:={self._client.node.get_namespace()}"
 
-    def _ended_nodes(self, now):
+    def _ended_nodes(self, now: float) -> dict[str, str]:
         """{name: how} of those that ended and that nobody else has started again."""
         ended = self._nodes.ended() if self._nodes else {}
         self._ended = {name: self._ended.get(name, now) for name in ended}
@@ -95,7 +99,7 @@ class TroubleFinder:
             if self._client.heard.get(name, 0.0) < self._ended[name] + LAST_WORDS
         }
 
-    def _of_fault(self):
+    def _of_fault(self) -> Trouble | None:
         name, number, first = (self._state.said(DRIVER, f"fault{entry}") for entry in ("", "_detail", "_first"))
         if name not in FAULTS:
             return None
@@ -110,9 +114,9 @@ def named(nodes: Collection[str]) -> str:
     return "the nodes" if len(nodes) > 1 else f"the {NAMES.get(*nodes, *nodes)}"
 
 
-def _of(nodes, one, many):
+def _of(nodes: Collection[str], one: str, many: str) -> str:
     return _capital(f"{named(nodes)} {many if len(nodes) > 1 else one}") if nodes else ""
 
 
-def _capital(sentence):
+def _capital(sentence: str) -> str:
     return sentence[:1].upper() + sentence[1:]

@@ -2,6 +2,7 @@
 """When the tool that a page shows is not what the hand feels: in which words, and what the hand must do."""
 
 import math
+from typing import Any
 
 from haptic_device.control.withheld import TABLE
 from haptic_device.digits import plain
@@ -13,7 +14,7 @@ NOT_FELT, SILENT, LESS = "tool not felt", "simulation silent", "less force"
 NEAR = 0.5e-3  # m from the tool at which a handle that still waits stands in walls
 
 
-def unfelt(state: State, frame: dict, known: bool) -> dict:
+def unfelt(state: State, frame: dict[str, Any], known: bool) -> dict[str, str]:
     """{"words": for the chip and the tool, "" if all is felt; "todo": a sentence}. known: the simulation was heard of
     before."""
     if known and DRIVER in state.statuses and SIMULATION not in state.statuses:
@@ -33,7 +34,7 @@ def unfelt(state: State, frame: dict, known: bool) -> dict:
     return {"words": words, "todo": f"{words.capitalize()}. {_lead(state, frame)}"}
 
 
-def _lead(state, frame):
+def _lead(state: State, frame: dict[str, Any]) -> str:
     handle, tool = frame["handle"], frame["tool"]
     if handle is None or tool is None:
         return "Lead the handle to the tool."

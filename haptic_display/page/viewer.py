@@ -9,7 +9,9 @@ if __name__ == "__main__":  # before the imports, which take seconds
 import asyncio
 import contextlib
 import time
+from collections.abc import Callable
 from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
@@ -27,18 +29,24 @@ from haptic_display.page import settings
 from haptic_display.page.commands import CommandHandler
 from haptic_display.page.guard import is_loopback
 from haptic_display.page.markers import MarkerPublisher
-from haptic_display.page.messages import Aim, LetGo, Record, Trigger
+from haptic_display.page.messages import Aim, LetGo, Message, Record, Trigger
 from haptic_display.page.page_words import in_page_words
 from haptic_display.page.passive_range import PassiveRanges
 from haptic_display.page.recordings import Recordings
 from haptic_display.page.server import Server
+from haptic_display.page.session import Session
 from haptic_display.page.settings import DRIVER, RECORDER, SIMULATION
 from haptic_display.page.state import State
 from haptic_display.page.tasks import tasks
+from haptic_display.page.trouble import Trouble
 from haptic_display.page.unfelt import unfelt
 from haptic_sim.method_registry import AUTO, offered
 from haptic_sim.node.parameters import NODES
 
+if TYPE_CHECKING:  # it starts nodes, which is not for every viewer
+    from haptic_display.page.node_manager import NodeManager
+
+Said = Callable[[], object]  # true or false
 STATUS_PERIOD, POLL_PERIOD = 0.25, 1.0  # s
 STOP = Trigger(service="estop")
 
@@ -47,7 +55,7 @@ class Viewer:
     """A viewer on a node that it may use alone. nodes: the nodes, where they are this process's to start again: has
     offer(), changing, ended(), keep(values), async change(name, value, enable) and async start_again(names)."""
 
-    def __init__(self, node, values: dict, nodes=None):
+    def __init__(self, node: Node, values: dict[str, Any], nodes: "NodeManager | None" = None):
         client = Client(node)
         self.state, self._client, self._nodes = State(client), client, nodes
         self._unfelt = {"words": "", "todo": ""}
@@ -59,10 +67,12 @@ class Viewer:
         self._ranges = PassiveRanges(self.state)
         self._node, self._values, self._executor = node, values, SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
-        self._scene_told, self._state_told, self._status_due, self._leader_told = 0, None, 0.0, None
-        self._cpu, self._cpu_at, self._sent, self._figures = time.process_time(), time.monotonic(), 0, {}
+        self._scene_told, self._status_due, self._figures = 0, 0.0, dict[str, float]()
+        self._state_told: tuple[str, Trouble | None, str] | None = None
+        self._leader_told: Session | None = None
+        self._cpu, self._cpu_at, self._sent = time.process_time(), time.monotonic(), 0
 
-    async def run(self, told, stop=None) -> None:
+    async def run(self, told: Said, stop: Said | None = None) -> None:
         """Serves until told() is true; stop(), if there is one: whether somebody wants an e-stop now."""
         try:
             await self.server.start()
@@ -75,7 +85,7 @@ class Viewer:
             await self.server.stop()
             self._executor.shutdown()
 
-    async def _look_on(self, told, stop):
+    async def _look_on(self, told: Said, stop: Said) -> None:
         period, due, stops = 1.0 / self._values["rate"], time.monotonic(), set()
         while not told():
             due = max(due + period, time.monotonic())
@@ -92,7 +102,7 @@ class Viewer:
             self._tell_leader()
             self._tell_news(time.monotonic())
 
-    def _tell_news(self, now):
+    def _tell_news(self, now: float) -> None:
         if self.state.scene_number != self._scene_told:
             self._scene_told = self.state.scene_number
             self.server.tell("scene", self._scene())
@@ -105,14 +115,14 @@ class Viewer:
             self._state_told = state
             self._tell_status(now)
 
-    async def _stop(self):
+    async def _stop(self) -> None:
         try:
             said = await self.commands.do(STOP, None)
         except ValueError as refusal:
             said = str(refusal)
         say(f"e-stop: {said}")
 
-    def _tell_leader(self):
+    def _tell_leader(self) -> None:
         """Each page whether it leads the hand, when that changes. A page that has gone leads no more."""
         hand, sessions = self.commands.hand, self.server.sessions
         hand.leader = hand.leader if hand.leader in sessions else None
@@ -121,23 +131,23 @@ class Viewer:
             for session in sessions:
                 session.tell("leader", self._leads(session))
 
-    def _leads(self, session):
+    def _leads(self, session: Session) -> str:
         leader = self.commands.hand.leader
         return "none" if leader is None else "you" if leader is session else "other"
 
-    def _answer_ros(self):
+    def _answer_ros(self) -> None:
         """One request to this node's own services of parameters, if one waits."""
         try:
             self._executor.spin_once(timeout_sec=0.0)
         except Exception as error:  # one request that cannot be read is not the end of the pages
             self._node.get_logger().error(f"a request could not be answered: {type(error).__name__}: {error}")
 
-    def _tell_status(self, now):
+    def _tell_status(self, now: float) -> None:
         self._status_due = now + STATUS_PERIOD
         self.recordings.hear(self.state.statuses.get(RECORDER))
         self.server.tell("status", self._status())
 
-    async def _poll(self):
+    async def _poll(self) -> None:
         while True:
             try:
                 await self._look_closer()
@@ -145,7 +155,7 @@ class Viewer:
                 self._node.get_logger().error(f"values could not be looked at: {type(error).__name__}: {error}")
             await asyncio.sleep(POLL_PERIOD)
 
-    async def _look_closer(self):
+    async def _look_closer(self) -> None:
         """Values, ranges and recordings: what changes seldom."""
         with contextlib.suppress(ValueError):
             await self.commands.poll()
@@ -153,7 +163,7 @@ class Viewer:
         self.server.tell("values", self._tuning())
         await self.recordings.scan()
 
-    async def _do(self, message, session):
+    async def _do(self, message: Message, session: Session) -> str:
         done = self.commands.do(message, session)
         try:
             done = self.recordings.during(message.on, done) if isinstance(message, Record) else done
@@ -165,7 +175,7 @@ class Viewer:
             self.server.tell("values", self._tuning())
         return sentence
 
-    def _welcome(self, session):
+    def _welcome(self, session: Session) -> None:
         """All that a page has to know to begin with: it may have been here before, or come late."""
         session.tell(
             "hello",
@@ -184,17 +194,17 @@ class Viewer:
         session.tell("status", self._status())
         session.tell("recordings", self.recordings.news())
 
-    def _tell_recordings(self):
+    def _tell_recordings(self) -> None:
         self.server.tell("recordings", self.recordings.news())
 
-    def _scene(self):
+    def _scene(self) -> dict[str, Any] | None:
         return asdict(self.state.scene) if self.state.scene else None
 
-    def _surroundings(self):
+    def _surroundings(self) -> tuple[list[tuple[float, float, float]], tuple[tuple[float, float], ...] | None]:
         """The servo's walls, and the device's workspace in the world; None where it is not known."""
         return settings.walls(self.commands.values.get(DRIVER, {})), self.commands.workspace
 
-    def _tuning(self):
+    def _tuning(self) -> dict[str, Any]:
         device = self.commands.device
         return {
             "values": self.commands.values,
@@ -206,7 +216,7 @@ class Viewer:
             "damping": [axis.damping for axis in device.axes] if device else [],
         }
 
-    def _status(self):
+    def _status(self) -> dict[str, Any]:
         found = {
             name: {"level": status.level, "message": status.message, "values": status.values}
             for name, status in self.state.statuses.items()
@@ -221,7 +231,7 @@ class Viewer:
             "viewer": self._own_figures(),
         }
 
-    def _own_figures(self):
+    def _own_figures(self) -> dict[str, float]:
         """Share of a core that this process takes, pages, frames sent per second to all of them."""
         now, cpu, sent = time.monotonic(), time.process_time(), sum(session.sent for session in self.server.sessions)
         elapsed = max(1e-3, now - self._cpu_at)
@@ -234,10 +244,10 @@ class Viewer:
             self._cpu, self._cpu_at, self._sent = cpu, now, sent
         return self._figures
 
-    async def _save(self):
+    async def _save(self) -> str:
         return settings.operating_point(self._node.get_namespace(), await self.commands.heard())
 
-    def _announce(self, here):
+    def _announce(self, here: str) -> None:
         host = self._values["host"]
         self._node.get_logger().info(f"serving pages on {host}, of the nodes in {self._node.get_namespace()}")
         if not is_loopback(host):
@@ -252,7 +262,7 @@ class Viewer:
             print(f"haptic_viewer: {one}\n", end="", flush=True)  # no log comes between an address and its newline
 
 
-def serve(args: list[str] | None, told, nodes=None, stop=None) -> None:
+def serve(args: list[str] | None, told: Said, nodes: "NodeManager | None" = None, stop: Said | None = None) -> None:
     """A viewer with these ROS arguments until told() is true; stop() asks for an e-stop. ValueError, OSError to
     refuse."""
     node = None
@@ -267,7 +277,7 @@ def serve(args: list[str] | None, told, nodes=None, stop=None) -> None:
         rclpy.try_shutdown()
 
 
-def main(args: list[str] | None = None, stop=None) -> int:
+def main(args: list[str] | None = None, stop: Said | None = None) -> int:
     """Runs haptic_viewer until SIGINT, SIGTERM or SIGHUP; stop() asks for an e-stop. Exit code 1 on a refusal."""
     told = hear_the_end()
     try:
