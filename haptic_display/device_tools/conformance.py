@@ -7,7 +7,7 @@ is a function of (interface, motor) that returns what it measured, as text, or r
 
 import time
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numba
 import numpy as np
@@ -50,12 +50,25 @@ class Tick(NamedTuple):
     sample: np.ndarray
 
 
-def check_all(interface, progress: Callable[[str], None] = lambda name: None, motor: float = SMALL) -> list[Result]:
+class Interface(Protocol):
+    """What of a hardware interface is tried."""
+
+    memory: np.ndarray
+    read: Any
+    write: Any
+
+    def present(self) -> bool:
+        """Whether the device answers."""
+
+
+def check_all(
+    interface: Interface, progress: Callable[[str], None] = lambda name: None, motor: float = SMALL
+) -> list[Result]:
     """Results of all checks in their order; progress is told the name of each before it begins.
 
     motor: largest motor value [motor units]; it is 0 when this ends. Where no device answers nothing further is tried.
     """
-    results = []
+    results: list[Result] = []
     try:
         for name, check in CHECKS.items():
             progress(name)
@@ -67,20 +80,20 @@ def check_all(interface, progress: Callable[[str], None] = lambda name: None, mo
     return results
 
 
-def _result(name, check, interface, motor):
+def _result(name: str, check: Callable[[Interface, float], str], interface: Interface, motor: float) -> Result:
     try:
         return Result(name, True, check(interface, motor), "")
     except Violation as violation:
         return Result(name, False, "", str(violation))
 
 
-def release(interface):
+def release(interface: Interface) -> None:
     """Tells the device that the display is not engaged and its motors are zero."""
     now = time.monotonic_ns()
     interface.write(interface.memory, now, now + PERIOD, PERIOD, 0, np.zeros(3))
 
 
-def has_its_signatures(interface, motor=SMALL) -> str:
+def has_its_signatures(interface: Interface, motor: float = SMALL) -> str:
     """read and write are compiled for the servo, memory is an int64 array."""
     if not (isinstance(interface.memory, np.ndarray) and interface.memory.dtype == np.int64):
         raise Violation("memory is no int64 array")
@@ -93,18 +106,18 @@ def has_its_signatures(interface, motor=SMALL) -> str:
     return ""
 
 
-def answers(interface, motor=SMALL) -> str:
+def answers(interface: Interface, motor: float = SMALL) -> str:
     """The device is present."""
     _until(interface.present, "the device does not answer")
     return ""
 
 
-def drive(interface, ticks: int, motor: float = 0.0, patience: int = LIMIT) -> list[Tick]:
+def drive(interface: Interface, ticks: int, motor: float = 0.0, patience: int = LIMIT) -> list[Tick]:
     """Runs ticks as the servo would, each waiting for its sample up to `patience` [ns]; the first write is a release.
 
     motor: of x [motor units], held from the first tick on.
     """
-    scratch, seen, push = clock.scratch(), [], np.array([motor, 0.0, 0.0])
+    scratch, seen, push = clock.scratch(), list[Tick](), np.array([motor, 0.0, 0.0])
     written = time.monotonic_ns()
     deadline = written + PERIOD
     interface.write(interface.memory, written, deadline, PERIOD, 0, np.zeros(3))
@@ -121,12 +134,12 @@ def drive(interface, ticks: int, motor: float = 0.0, patience: int = LIMIT) -> l
     return seen
 
 
-def is_cut(sample) -> bool:
+def is_cut(sample: np.ndarray) -> bool:
     """Whether the device says that its watchdog has cut the motors."""
     return bool(int(sample[STATUS]) & WATCHDOG)
 
 
-def latches_at_deadlines(interface, motor=SMALL) -> str:
+def latches_at_deadlines(interface: Interface, motor: float = SMALL) -> str:
     """Whoever waits gets the sample of his deadline, latched then or later, and of finite numbers."""
     late, error = [], 0.0
     for tick in drive(interface, 50, motor):
@@ -141,7 +154,7 @@ def latches_at_deadlines(interface, motor=SMALL) -> str:
     return f"latched {np.median(late) / 1e3:.1f} us after the deadline (p50), known to {error / 1e3:.3g} us"
 
 
-def keeps_time(interface, motor=SMALL) -> str:
+def keeps_time(interface: Interface, motor: float = SMALL) -> str:
     """Samples are of times that never run backwards."""
     latched = [tick.sample[LATCHED] for tick in drive(interface, 50, motor)]
     for before, after in zip(latched, latched[1:], strict=False):
@@ -150,7 +163,7 @@ def keeps_time(interface, motor=SMALL) -> str:
     return ""
 
 
-def meets_deadlines(interface, motor=SMALL, ticks=TICKS) -> str:
+def meets_deadlines(interface: Interface, motor: float = SMALL, ticks: int = TICKS) -> str:
     """Of nearly all deadlines there is a sample as soon as the servo needs it: it waits for half a period."""
     seen = drive(interface, ticks, motor, PERIOD // 2)
     share = sum(tick.fresh == 1 for tick in seen) / ticks
@@ -161,7 +174,7 @@ def meets_deadlines(interface, motor=SMALL, ticks=TICKS) -> str:
     return f"{100 * share:.1f} % of {ticks}; deadline to sample {p50:.0f} us (p50), {p99:.0f} us (p99)"
 
 
-def pushes_while_written(interface, motor=SMALL) -> str:
+def pushes_while_written(interface: Interface, motor: float = SMALL) -> str:
     """A motor is cut by silence only, judged by the latched times."""
     driven = False
     for tick in drive(interface, 50, motor):
@@ -174,7 +187,7 @@ def pushes_while_written(interface, motor=SMALL) -> str:
     return ""
 
 
-def gives_up(interface, motor=SMALL) -> str:
+def gives_up(interface: Interface, motor: float = SMALL) -> str:
     """A deadline that is an hour ahead is not waited for."""
     sample, longest = np.zeros(SAMPLE), 0
     far = time.monotonic_ns() + 3600 * 1_000_000_000
@@ -189,7 +202,7 @@ def gives_up(interface, motor=SMALL) -> str:
     return f"returned within {longest / 1e3:.0f} us of the time to give up"
 
 
-def counts_whole_steps(interface, motor=SMALL) -> str:
+def counts_whole_steps(interface: Interface, motor: float = SMALL) -> str:
     """Counts of encoders are whole numbers."""
     for tick in drive(interface, 5):
         counts = tick.sample[COUNTS : COUNTS + 3]
@@ -198,7 +211,7 @@ def counts_whole_steps(interface, motor=SMALL) -> str:
     return ", ".join(f"{count:.0f}" for count in counts)
 
 
-def changes_counts_with_their_time_only(interface, motor=SMALL) -> str:
+def changes_counts_with_their_time_only(interface: Interface, motor: float = SMALL) -> str:
     """However often it is read: a way without a time could be booked nowhere."""
     before, sample, counts = drive(interface, 5, motor)[-1].sample, np.zeros(SAMPLE), slice(COUNTS, COUNTS + 3)
     for _ in range(NEWER):
@@ -215,11 +228,11 @@ def changes_counts_with_their_time_only(interface, motor=SMALL) -> str:
     return ""
 
 
-def cuts_the_motor(interface, motor=SMALL) -> str:
+def cuts_the_motor(interface: Interface, motor: float = SMALL) -> str:
     """Silent for longer than the device's watchdog, the servo is told that the motor was cut; by writing it returns."""
     last, sample = drive(interface, 5, motor)[-1], np.zeros(SAMPLE)
 
-    def cut():
+    def cut() -> bool:
         interface.read(interface.memory, 0, 0, sample)
         return is_cut(sample)
 
@@ -230,7 +243,7 @@ def cuts_the_motor(interface, motor=SMALL) -> str:
     return f"told {silent / 1e6:.1f} ms after the last write"
 
 
-def _until(condition, otherwise):
+def _until(condition: Callable[[], bool], otherwise: str) -> None:
     end = time.monotonic_ns() + LIMIT
     while not condition():
         if time.monotonic_ns() > end:

@@ -8,7 +8,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from haptic_display.run.prepare import prepare
 from haptic_display.run.processes import NAMESPACE, Nodes
 from haptic_sim.scene.needs import served_by
 
-HAND: dict = {}  # as a simulated hand is by default
+HAND: dict[str, Any] = {}  # as a simulated hand is by default
 STARTS = 30.0  # [s] that a node which was started here may take until its device answers
 ANSWERS = 3.0  # [s] that one may take which runs already
 LOOK = 0.01  # [s]
@@ -50,7 +50,8 @@ def opened(name: str, domain: int | None, namespace: str | None) -> Iterator[Sha
     The device answers when this yields. Raises ValueError, OSError where a driver holds the page, NodeDiedError.
     """
     with contextlib.ExitStack() as stack:
-        check, patience, own = dict, ANSWERS, os.environ.get("ROS_DOMAIN_ID")
+        check: Callable[[], dict[str, str]] = dict
+        patience, own = ANSWERS, os.environ.get("ROS_DOMAIN_ID")
         if own and name and served_by(load_device(name).link.type) == "":
             domain = ros_environment.domain() if domain is None else domain
         if domain is None and namespace is None:
@@ -78,7 +79,7 @@ def opened(name: str, domain: int | None, namespace: str | None) -> Iterator[Sha
         yield interface
 
 
-def _await(interface, check: Callable[[], dict], patience: float) -> None:
+def _await(interface: SharedMemoryInterface, check: Callable[[], dict[str, str]], patience: float) -> None:
     end = time.monotonic() + patience
     while not interface.present():
         said = next(iter(check().values()), "")
@@ -91,7 +92,7 @@ def _await(interface, check: Callable[[], dict], patience: float) -> None:
 class PageDevice:
     """A device on a page, for who asks it slowly: each tick tells it its motor values and returns a sample (8)."""
 
-    def __init__(self, interface):
+    def __init__(self, interface: SharedMemoryInterface):
         self._interface, self._scratch = interface, clock.scratch()
 
     def tick(self, motor: np.ndarray) -> np.ndarray:

@@ -3,13 +3,15 @@
 
 import contextlib
 import time
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from haptic_device.config.description import Device
 from haptic_device.config.parameters import OPERATING_POINT
-from haptic_device.theory.excitation import tool_twists, wall_jumps
+from haptic_device.theory.excitation import Jumps, Twist, tool_twists, wall_jumps
 from haptic_device.theory.identify import FEWEST, SEGMENT
-from haptic_display.device_tools.tuning import Tuning, refuse_other_device
+from haptic_display.device_tools.tuning import Check, Tuning, refuse_other_device
 
 WALLS = ("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping")
 QUIET = ("coupling.stiffness", "coupling.damping", "cancellation.ratio", "passivity.policy")
@@ -17,9 +19,12 @@ TURNING = ("coupling.rotational_stiffness", "coupling.rotational_damping", "enga
 SETTLING = 1.0  # [s] of the trace that is left out: the handle comes to the first centre
 PATIENCE = 60.0  # [s] that the shaking goes on for while every run of the trace is broken too early
 EDGE = 0.2  # of the workspace, at either end, that no centre lies in
+Plan = Iterator[tuple[Jumps, Twist | None]]
 
 
-def record_excitation(domain, namespace, check, device, seconds, force, torque):
+def record_excitation(
+    domain: int, namespace: str, check: Check, device: Device, seconds: float, force: float, torque: float | None
+) -> np.ndarray:
     """Rows of the longest unbroken trace of the shaking, with at most so much force [N] and torque [N m]."""
     turned = len(device.axes) == 3
     with contextlib.closing(Tuning(domain, namespace, trace=True, tool=turned)) as tuning:
@@ -32,25 +37,25 @@ def record_excitation(domain, namespace, check, device, seconds, force, torque):
             tuning.set(passivity__policy="off")  # walls that jump give energy, and are to
             period = 1.0 / float(tuning.get(["servo.rate"])["servo.rate"])
             plan = _plan(device, _centres(tuning, device), force, torque, period)
-            if turned:
+            if tuning.tool and torque is not None:
                 tuning.tool.refuse_company()
                 tuning.set(engage__torque=_engaging(torque / device.scale[1]))
             shake_handle(tuning, plan, seconds, check)
         return unbroken(tuning.rows)
 
 
-def _engaging(torque):
+def _engaging(torque: float) -> float:
     """engage.torque at which a coupling that let go of the tool takes hold of it again."""
     [declared] = [parameter for parameter in OPERATING_POINT if parameter.name == "engage.torque"]
     return min(declared.high, max(declared.low, 2.0 * torque))
 
 
-def _plan(device, centres, force, torque, period):
+def _plan(device: Device, centres: Sequence[float], force: float, torque: float | None, period: float) -> Plan:
     """Endless pairs of a Jumps and a Twist, None where nothing turns; centres, force and torque of the device."""
     damping = min(axis.damping for axis in device.axes[:2])
     plane = [centre * device.scale[0] for centre in centres[:2]]
     along = wall_jumps(plane, force / device.scale[0], damping / device.scale[0] ** 2, period)
-    if len(device.axes) < 3:
+    if len(device.axes) < 3 or torque is None:
         return ((shake, None) for shake in along)
     theta, scale = device.axes[2], device.scale[1]
     reach = 0.5 * EDGE * (theta.workspace[1] - theta.workspace[0]) * scale
@@ -58,13 +63,13 @@ def _plan(device, centres, force, torque, period):
     return zip(along, tool_twists(centres[2] * scale, *figures, period), strict=False)
 
 
-def shake_handle(tuning, plan, seconds, check):
+def shake_handle(tuning: Tuning, plan: Plan, seconds: float, check: Check) -> None:
     """Shakes so long; longer on a machine so busy that no run of the trace is long enough to be identified from."""
     end = time.monotonic() + seconds + SETTLING
     while time.monotonic() < end or (time.monotonic() < end + PATIENCE and _too_short(tuning.rows)):
         shake, twist = next(plan)
         gains = {f"wall__{name}": getattr(shake, name) for name in ("normals", "offsets", "stiffness", "damping")}
-        if twist is not None:
+        if tuning.tool and twist is not None:
             gains |= {"coupling__rotational_stiffness": twist.stiffness, "coupling__rotational_damping": 0.0}
             tool = tuning.tool.simulation
             tool.angle, tool.leash = twist.angle, twist.leash
@@ -73,7 +78,7 @@ def shake_handle(tuning, plan, seconds, check):
         check()
 
 
-def _centres(tuning, device):
+def _centres(tuning: Tuning, device: Device) -> list[float]:
     """Where the handle is, by the trace, but not in the outer fifth of its workspace."""
     centres, place = [], tuning.rows[-1]["position"][-1]
     for i, axis in enumerate(device.axes):
@@ -83,21 +88,21 @@ def _centres(tuning, device):
     return centres
 
 
-def _too_short(blocks):
+def _too_short(blocks: list[np.ndarray]) -> bool:
     if not blocks:
         return False
     deadline, run = _longest_run(blocks)
     return len(deadline[run]) < 2 or np.ptp(deadline[run]) < 1.01e9 * FEWEST * SEGMENT
 
 
-def unbroken(blocks):
+def unbroken(blocks: list[np.ndarray]) -> np.ndarray:
     """The longest run of ticks without a gap, after the settling."""
     if not blocks:
         raise ValueError("no trace came from haptic_driver; is publish.trace off?")
     return np.concatenate(blocks)[_longest_run(blocks)[1]]
 
 
-def _longest_run(blocks):
+def _longest_run(blocks: list[np.ndarray]) -> tuple[np.ndarray, slice]:
     """Deadlines [ns] of all ticks, and the slice of them that the longest unbroken run is."""
     deadline, tick = (np.concatenate([block[name] for block in blocks]) for name in ("deadline", "tick"))
     settled = np.searchsorted(deadline, deadline[0] + SETTLING * 1e9)

@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the connected device is made of: shaken, estimated axis by axis, written as a description."""
 
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
-from haptic_device.config.description import load_device
+import numpy as np
+
+from haptic_device.config.description import Axis, Device, load_device
 from haptic_device.config.files import find
 from haptic_device.config.yaml_reader import dump
 from haptic_device.os_errors import naming
@@ -14,6 +18,8 @@ from haptic_display.device_tools.pair import on_pair
 
 SHARE = 0.05  # of the motor's torque, to turn with
 _COUPLING = ("coupling.stiffness", "coupling.damping", "coupling.rotational_stiffness", "coupling.rotational_damping")
+Figures = dict[str, tuple[float, float | None]]
+"""Of one axis: name → value and its confidence, if it has one."""
 UNITS = {  # of translation, and of rotation
     "mass": ("kg", "kg m²"),
     "damping": ("N s/m", "N m s/rad"),
@@ -25,7 +31,16 @@ UNITS = {  # of translation, and of rotation
 }
 
 
-def identify_device(name, loopback, seconds, force, torque, rate, domain, namespace):
+def identify_device(
+    name: str,
+    loopback: str | None,
+    seconds: float,
+    force: float,
+    torque: float | None,
+    rate: float,
+    domain: int | None,
+    namespace: str | None,
+) -> tuple[dict[str, Figures], Device]:
     """({axis: its figures}, description) of the driver there, or else of a pair that is started here.
 
     name, loopback: descriptions of the driver's device, and of the loopback's if it is another (or None); for so long
@@ -43,17 +58,17 @@ def identify_device(name, loopback, seconds, force, torque, rate, domain, namesp
     told |= {"fault.silence": 1.0, "fault.unattended": 0.0}  # nobody's hand is at this one
     true = {"device": str(Path(find("devices", loopback or name)).absolute()), **dict.fromkeys(_hand(), 0.0)}
     true["motor_watchdog"] = 1.0
-    shaking = described, seconds, force, torque
-    rows = on_pair(domain, namespace, told, true, lambda *where: record_excitation(*where, *shaking))
+    given = described, seconds, force, torque
+    rows = on_pair(domain, namespace, told, true, lambda at, room, check: record_excitation(at, room, check, *given))
     return {axis.name: estimate(rows, i, axis) for i, axis in enumerate(described.axes)}, described
 
 
-def _hand():
+def _hand() -> tuple[str, ...]:
     parts = ("mass", "damping", "stiffness", "rotational_mass", "rotational_damping", "rotational_stiffness")
     return tuple(f"hand.{part}" for part in parts)
 
 
-def _refuse_force(device, force):
+def _refuse_force(device: Device, force: float) -> None:
     for axis in device.axes[:2]:
         if force > axis.motor_limit:
             raise ValueError(
@@ -61,7 +76,7 @@ def _refuse_force(device, force):
             )
 
 
-def _torque(device, torque):
+def _torque(device: Device, torque: float | None) -> float | None:
     """Largest torque of the shaking [N m]; None where nothing turns."""
     if len(device.axes) < 3:
         if torque is not None:
@@ -75,7 +90,7 @@ def _torque(device, torque):
     return torque
 
 
-def estimate(rows, index, axis):
+def estimate(rows: np.ndarray, index: int, axis: Axis) -> Figures:
     """Figures of one axis: name → (value, confidence or None). Raises ValueError, one sentence with the axis's name."""
     per_count = axis.encoder_sign / axis.counts_per_unit
     units = ("rad", "N m", "kg m²") if axis.name == "theta" else ("m", "N", "kg")
@@ -84,11 +99,13 @@ def estimate(rows, index, axis):
         step = resolution_of(rows["counts"][:, index], per_count)
     except ValueError as refusal:
         raise ValueError(f"axis {axis.name}: {refusal}") from None
-    values = {name: tuple(getattr(found, name)) for name in ("mass", "damping", "coulomb", "bias", "delay")}
+    values: dict[str, Any] = {
+        name: tuple(getattr(found, name)) for name in ("mass", "damping", "coulomb", "bias", "delay")
+    }
     return values | {"resolution": (step, None), "residual": (found.residual, None)}
 
 
-def write_description(path, described, found):
+def write_description(path: Path, described: Device, found: dict[str, Figures]) -> None:
     """The description with what was found in it; the confidence stands beside it as comments."""
     delay = max(0.0, _weighted([axis["delay"] for axis in found.values()]))
     content = described.model_dump(mode="json")
@@ -103,16 +120,16 @@ def write_description(path, described, found):
         path.write_text(head + "\n".join(lines) + "\n" + dump(content), encoding="utf-8")
 
 
-def _weighted(estimates):
+def _weighted(estimates: Iterable[tuple[float, float | None]]) -> float:
     """Mean of values, the surer the heavier."""
-    weights = [1.0 / max(confidence, 1e-12) ** 2 for _, confidence in estimates]
+    weights = [1.0 / max(confidence or 0.0, 1e-12) ** 2 for _, confidence in estimates]
     return sum(w * value for w, (value, _) in zip(weights, estimates, strict=True)) / sum(weights)
 
 
-def _line(axis, values):
+def _line(axis: str, values: Figures) -> str:
     return ", ".join(f"{name} {figure_text(*pair)} {UNITS[name][axis == 'theta']}" for name, pair in values.items())
 
 
-def figure_text(value, confidence):
+def figure_text(value: float, confidence: float | None) -> str:
     """A figure with its confidence, if it has one."""
     return f"{value:.5g}" if confidence is None else f"{value:.5g} ± {confidence:.2g}"

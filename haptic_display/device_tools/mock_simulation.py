@@ -3,10 +3,13 @@
 
 import time
 
+from rclpy.node import Node
+
 from haptic_device.nodes.messages import LATEST, JointState
 from haptic_device.nodes.polled_subscription import PolledSubscription
 from haptic_device.recording.layouts import JOINTS
 from haptic_sim.exchange.endpoint import ExchangeEndpoint
+from haptic_sim.exchange.port import HandleSample
 from haptic_sim.exchange.simulation import Counters, ToolSample
 from haptic_sim.protocol import STILL
 
@@ -18,23 +21,23 @@ class MockSimulation:
 
     sub_step_ns, counters = 1_000_000, Counters()  # it makes none
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.angle = self.leash = 0.0
 
-    def exchange(self, handle, most=None):
+    def exchange(self, handle: HandleSample, most: int | None = None) -> ToolSample:
         """The tool where it is told to be, as far as the leash lets it."""
         x, y, theta = handle.position
         theta = min(theta + self.leash, max(theta - self.leash, self.angle))
         return ToolSample((x, y, theta), STILL, STILL, False, 0.0)
 
-    def rejoin(self):
+    def rejoin(self) -> None:
         """A tool without motion of its own has no time base."""
 
 
 class MockAnswerer:
     """Has the driver's handle samples answered by a mock simulation, whenever somebody looks."""
 
-    def __init__(self, node, simulation):
+    def __init__(self, node: Node, simulation: MockSimulation):
         self._node, self.simulation, self._endpoint = node, simulation, ExchangeEndpoint(simulation, STILL)
         self._handle = PolledSubscription(node, "handle", JOINTS, LATEST, raw=True)
         self._publisher = node.create_publisher(JointState, "tool", LATEST)

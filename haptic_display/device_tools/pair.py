@@ -5,18 +5,22 @@ import contextlib
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 from haptic_device import ros_environment
 from haptic_device.process import say
-from haptic_display.device_tools.tuning import FaultError
+from haptic_display.device_tools.tuning import Check, FaultError
 from haptic_display.fault_sentence import fell
 from haptic_display.run.device_programs import device_programs
 from haptic_display.run.domain import isolated_domain
 from haptic_display.run.prepare import prepare
 from haptic_display.run.processes import NAMESPACE, Nodes, Program
 
+Values = dict[str, Any]
+Work = Callable[[int, str, Check], Any]
 
-def on_pair(domain: int | None, namespace: str | None, driver: dict, loopback: dict, work: Callable):
+
+def on_pair(domain: int | None, namespace: str | None, driver: Values, loopback: Values, work: Work) -> Any:
     """What work(domain, namespace, check) gives on the `running` pair.
 
     Where the driver of a pair that is started here falls into a fault, as on a machine that does much else, this is
@@ -24,7 +28,7 @@ def on_pair(domain: int | None, namespace: str | None, driver: dict, loopback: d
     are somebody else's.
     """
 
-    def once():
+    def once() -> Any:
         with running(domain, namespace, driver, loopback) as given:
             return work(*given)
 
@@ -42,7 +46,9 @@ def on_pair(domain: int | None, namespace: str | None, driver: dict, loopback: d
 
 
 @contextlib.contextmanager
-def running(domain: int | None, namespace: str | None, driver: dict, loopback: dict) -> Iterator[tuple]:
+def running(
+    domain: int | None, namespace: str | None, driver: Values, loopback: Values
+) -> Iterator[tuple[int, str, Check]]:
     """Yields (domain, namespace, check): of the nodes that run there if either is given, else of a pair started here.
 
     check() raises if a node of the pair has ended, and gives the last line that each node of it printed.
@@ -56,7 +62,7 @@ def running(domain: int | None, namespace: str | None, driver: dict, loopback: d
         yield number, NAMESPACE, _start(stack.enter_context(Nodes(logs)), driver, loopback, logs)
 
 
-def _start(nodes: Nodes, driver: dict, loopback: dict, logs: Path) -> Callable[[], dict[str, str]]:
+def _start(nodes: Nodes, driver: Values, loopback: Values, logs: Path) -> Check:
     hand = {name: value for name, value in loopback.items() if name != "device"}
     programs = [
         *device_programs(loopback["device"], hand, logs),

@@ -31,6 +31,7 @@ GREETED = HEADER.size + PAYLOAD.size + CRC.size
 TORQUE = 2  # of Haply's firmware: "02 id f32 f32"
 AGAIN = 0.05  # [s] between two hellos
 MOST = 4096  # bytes of a line that are kept without a 0 among them
+Frames = Callable[[bytes], list[bytes]]
 
 
 class Greeting(NamedTuple):
@@ -81,7 +82,7 @@ def uncobs(coded: bytes) -> bytes | None:
     return None if count == frame.WRONG else plain[:count].tobytes()
 
 
-def _bytes(data):
+def _bytes(data: bytes) -> np.ndarray:
     return np.frombuffer(bytearray(data), np.uint8)  # of bytes it would be read-only: another type to a kernel
 
 
@@ -123,7 +124,7 @@ def ask_udp(host: str, port: int, patience: float) -> Greeting | None:
         return _greeted(peer.fileno(), patience, peer.send, lambda: peer.recv(MOST), lambda datagram: [datagram])
 
 
-def _make_raw(line, speed, port):
+def _make_raw(line: int, speed: int, port: Path | str) -> None:
     try:
         tty.setraw(line, termios.TCSANOW)
         how = termios.tcgetattr(line)
@@ -134,9 +135,11 @@ def _make_raw(line, speed, port):
         raise OSError(*error.args[:2], str(port)) from None
 
 
-def _greeted(descriptor, patience, send: Callable, receive: Callable, frames: Callable) -> Greeting | None:
+def _greeted(
+    descriptor: int, patience: float, send: Callable[[bytes], object], receive: Callable[[], bytes], frames: Frames
+) -> Greeting | None:
     """Says hello again and again, and looks through what comes."""
-    end, again, sessions = time.monotonic() + patience, 0.0, set()
+    end, again, sessions = time.monotonic() + patience, 0.0, set[int]()
     while (now := time.monotonic()) < end:
         if now >= again:
             session, hello = harmless_hello()
@@ -153,14 +156,14 @@ def _greeted(descriptor, patience, send: Callable, receive: Callable, frames: Ca
     return None
 
 
-def _lines() -> Callable[[bytes], list[bytes]]:
+def _lines() -> Frames:
     """A function that takes bytes of a serial line and gives the frames that have become whole."""
     rest = b""
 
-    def take(come):
+    def take(come: bytes) -> list[bytes]:
         nonlocal rest
         *whole, rest = (rest + come).split(b"\0")
         rest = rest[-MOST:]
-        return [come for line in whole if line and (come := uncobs(line)) is not None]
+        return [plain for line in whole if line and (plain := uncobs(line)) is not None]
 
     return take

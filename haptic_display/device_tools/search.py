@@ -2,23 +2,25 @@
 """Which devices are connected, what answers there, and why nothing does."""
 
 from collections.abc import Callable
+from typing import Any
 
 from haptic_device.os_errors import in_words
 from haptic_display.device_tools import probe as device_probe
 from haptic_display.device_tools import serial_ports
+from haptic_display.device_tools.probe import Greeting
 from haptic_display.device_tools.serial_ports import Port
 
 NOT_ASKED = "not asked, since a byte that it does not expect may block it"
 SILENT = "nothing greeted: no power, other firmware, or another baud"
 
 
-def look(baud: int = 115200, patience: float = 1.0, hello: bool = True) -> list[dict]:
+def look(baud: int = 115200, patience: float = 1.0, hello: bool = True) -> list[dict[str, Any]]:
     """All serial ports, each asked for its greeting for so long [s] at this baud [bit/s]; hello: whether at all."""
     grabbed = serial_ports.grabber()
     return [found_at(port, grabbed, baud, patience, hello) for port in serial_ports.ports()]
 
 
-def found_at(port: Port, grabbed: bool, baud: int, patience: float, hello: bool) -> dict:
+def found_at(port: Port, grabbed: bool, baud: int, patience: float, hello: bool) -> dict[str, Any]:
     """One port: what it is, `greeting` or None, `answer`, a sentence, `link` for a description or None, and `notes`."""
     told, greeting = serial_ports.notes(port, grabbed), None
     if not hello:
@@ -62,7 +64,7 @@ def plugged(seen: Callable[[], list[Port]], told: Callable[[str], None], wait: C
         before = now
 
 
-def look_at(address: str, patience: float = 1.0) -> dict:
+def look_at(address: str, patience: float = 1.0) -> dict[str, Any]:
     """What answers at HOST:PORT of UDP, as found_at tells it. Raises ValueError for what is no such address."""
     host, port = address_of(address)
     silent = f"nothing greeted at {host}, port {port}: no such device, other firmware, or a firewall"
@@ -80,7 +82,7 @@ def address_of(text: str) -> tuple[str, int]:
     return host.removeprefix("[").removesuffix("]"), int(port)
 
 
-def _asked(ask, silent):
+def _asked(ask: Callable[[], Greeting | None], silent: str) -> tuple[Greeting | None, str]:
     """(greeting or None, sentence)."""
     try:
         greeting = ask()

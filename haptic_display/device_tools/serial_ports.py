@@ -4,8 +4,9 @@
 import contextlib
 import grp
 import os
+from collections.abc import Iterable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from serial.tools.list_ports import comports
 
@@ -88,7 +89,7 @@ def rule(port: Port) -> str:
     return _rule(port, 'MODE="0660", GROUP="dialout", TAG+="uaccess"')
 
 
-def _rule(port, effect):
+def _rule(port: Port, effect: str) -> str:
     device = f'ATTRS{{idVendor}}=="{port.vendor}", ATTRS{{idProduct}}=="{port.product}"'
     return f'SUBSYSTEM=="tty", {device}, {effect}'
 
@@ -99,15 +100,16 @@ def changes(before: list[Port], after: list[Port]) -> tuple[list[Port], list[Por
     return [old[key] for key in old.keys() - new.keys()], [new[key] for key in new.keys() - old.keys()]
 
 
-def _port(one, holders, by_id):
-    said = [_printable(text or "") for text in (one.serial_number, one.manufacturer, one.product)]
+def _port(one: Any, holders: Iterable[str], by_id: str) -> Port:
+    serial, maker, model = (_printable(text or "") for text in (one.serial_number, one.manufacturer, one.product))
     timer = _text(Path(one.device_path) / "latency_timer")
     latency = int(timer) if timer.isdecimal() else None
     allowed, ids = os.access(one.device, os.R_OK | os.W_OK), (f"{one.vid:04x}", f"{one.pid:04x}")
-    return Port(one.device, by_id, *ids, *said, allowed, _group(Path(one.device)), tuple(holders), latency)
+    group = _group(Path(one.device))
+    return Port(one.device, by_id, *ids, serial, maker, model, allowed, group, tuple(holders), latency)
 
 
-def _group(path):
+def _group(path: Path) -> str:
     try:
         number = path.stat().st_gid
         return grp.getgrgid(number).gr_name
@@ -117,12 +119,12 @@ def _group(path):
         return str(number)
 
 
-def _lasting():
+def _lasting() -> dict[str, str]:
     """{name of a port: its link below /dev/serial/by-id}."""
     return {Path(os.path.realpath(link)).name: str(link) for link in sorted(LASTING.glob("*"), reverse=True)}
 
 
-def _open_files():
+def _open_files() -> dict[str, list[str]]:
     """{path: [processes that have it open]}, of the processes that this user may look at."""
     found: dict[str, list[str]] = {}
     for folder in _processes():
@@ -134,15 +136,15 @@ def _open_files():
     return found
 
 
-def _processes():
+def _processes() -> list[Path]:
     return sorted(folder for folder in PROCESSES.glob("[0-9]*") if folder.name.isdecimal())
 
 
-def _printable(text):
+def _printable(text: str) -> str:
     return "".join(letter for letter in text.strip() if letter.isprintable())
 
 
-def _text(file):
+def _text(file: Path) -> str:
     try:
         return _printable(file.read_text(errors="replace"))
     except OSError:

@@ -7,6 +7,7 @@ or the home that the handle is put to at each start. What a hand cannot tell (ma
 
 import contextlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from haptic_device.config import yaml_reader
 from haptic_device.config.description import Device, parse
 from haptic_device.os_errors import naming
 from haptic_device.realtime.hardware_interface import COUNTS, STATUS
-from haptic_display.device_tools.device_page import CUTS, words_of
+from haptic_display.device_tools.device_page import CUTS, PageDevice, words_of
 from haptic_display.device_tools.questions import Questions
 
 PUSH = 0.01  # [motor units] most that a motor is given
@@ -23,9 +24,11 @@ FEWEST = 50  # counts that a known way has to have: half a count at either end i
 MOVED = 8  # counts after which a push has moved the handle
 SAME = 0.05  # relative difference within which the figure of a description may stand
 STILL = np.zeros(3)
+Content = dict[str, Any]
+"""Of a description, or of one of its axes."""
 
 
-def set_up(questions: Questions, device, described: Device, name: str, push: float = PUSH) -> dict:
+def set_up(questions: Questions, device: PageDevice, described: Device, name: str, push: float = PUSH) -> Content:
     """The content of a description of this name, with what was measured in place of what `described` says.
 
     device.tick(motor values (3)) gives a sample of realtime/hardware_interface. Its motors are given at most
@@ -47,7 +50,7 @@ def set_up(questions: Questions, device, described: Device, name: str, push: flo
     return parse(content, name).model_dump(mode="json")
 
 
-def write(path: Path, content: dict, began_with: str) -> None:
+def write(path: Path, content: Content, began_with: str) -> None:
     """The description as a YAML file, which says at its head what is measured and what is not."""
     head = f"# Set up by haptic device set-up from {began_with}: encoder_sign, counts_per_unit, zero, workspace and\n"
     head += "# motor_sign are measured or given; mass, damping, friction and limits are those of that description.\n"
@@ -58,21 +61,22 @@ def write(path: Path, content: dict, began_with: str) -> None:
 class _Origin:
     """Counts at the reference pose, asked for when they are needed first."""
 
-    def __init__(self, questions, device, content):
-        self._questions, self._device, self._found = questions, device, None
+    def __init__(self, questions: Questions, device: PageDevice, content: Content):
+        self._questions, self._device = questions, device
+        self._found: np.ndarray | None = None
         at_start = content["homing"] == "at_start"
         self.place = np.array(content["home"] if at_start else [0.0, 0.0, 0.0])
         where = "to its home" if at_start else "to where all axes are to be 0"
         self._todo = f"Put the handle {where}"
 
     @property
-    def counts(self):
+    def counts(self) -> np.ndarray:
         if self._found is None:
             self._found = _moved(self._questions, self._device, "zero", self._todo)
         return self._found
 
 
-def _homing(questions, described):
+def _homing(questions: Questions, described: Device) -> Content:
     how = questions.choice(
         "homing",
         "Do the counters keep their place while the device is off (absolute), or is the handle put to its home at each "
@@ -87,7 +91,7 @@ def _homing(questions, described):
     return {"homing": how, "home": home}
 
 
-def _scale(questions, device, index, axis):
+def _scale(questions: Questions, device: PageDevice, index: int, axis: Content) -> None:
     """encoder_sign and counts_per_unit of an axis, by a way of known length."""
     name, unit = axis["name"], _unit(axis["name"])
     if questions.known(f"{name}.counts_per_unit") is not None:
@@ -111,7 +115,7 @@ def _scale(questions, device, index, axis):
     axis["counts_per_unit"] = float(measured)
 
 
-def _wrong_way(delta, index, name, length, unit):
+def _wrong_way(delta: np.ndarray, index: int, name: str, length: float, unit: str) -> str:
     """Why such a way tells nothing; "" if it does."""
     if length <= 0.0:
         return f"axis {name}: the way is {length:g} {unit}; more than 0 is needed"
@@ -123,7 +127,7 @@ def _wrong_way(delta, index, name, length, unit):
     return ""
 
 
-def _zero(questions, origin, content):
+def _zero(questions: Questions, origin: _Origin, content: Content) -> None:
     """Where each axis is at count 0; nothing to know where the handle is put to its home at each start."""
     for index, axis in enumerate(content["axes"]):
         name = axis["name"]
@@ -135,9 +139,9 @@ def _zero(questions, origin, content):
             axis["zero"] = float(0.0 - axis["encoder_sign"] * origin.counts[index] / axis["counts_per_unit"])
 
 
-def _workspace(questions, device, origin, axes):
+def _workspace(questions: Questions, device: PageDevice, origin: _Origin, axes: list[Content]) -> None:
     """The limits of each axis that are not known, by a walk along them."""
-    walked = []
+    walked: list[int] = []
     for index, axis in enumerate(axes):
         known = questions.known(f"{axis['name']}.workspace")
         axis["workspace"] = known if known is not None else axis["workspace"]
@@ -146,7 +150,7 @@ def _workspace(questions, device, origin, axes):
         return
     at, low, high = origin.counts, np.full(3, np.inf), np.full(3, -np.inf)
 
-    def look():
+    def look() -> None:
         counts = _counts(device)
         np.minimum(low, counts, out=low)
         np.maximum(high, counts, out=high)
@@ -164,7 +168,7 @@ def _workspace(questions, device, origin, axes):
         axes[index]["workspace"] = sorted(ends)
 
 
-def _motor(questions, device, index, axis, push):
+def _motor(questions: Questions, device: PageDevice, index: int, axis: Content, push: float) -> None:
     """motor_sign of an axis, by a push that ends as soon as the handle moves."""
     name = axis["name"]
     if questions.known(f"{name}.motor_sign") is not None:
@@ -183,7 +187,7 @@ def _motor(questions, device, index, axis, push):
     axis["motor_sign"] = 1 if moved * axis["encoder_sign"] > 0 else -1
 
 
-def _pushed(device, index, push):
+def _pushed(device: PageDevice, index: int, push: float) -> float:
     """Counts that a rising push has moved an axis by; 0 where it has not. Its motor is at zero afterwards."""
     motor, before = np.zeros(3), _counts(device)[index]
     try:
@@ -200,21 +204,21 @@ def _pushed(device, index, push):
     return 0.0
 
 
-def _moved(questions, device, key, todo):
+def _moved(questions: Questions, device: PageDevice, key: str, todo: str) -> np.ndarray:
     """Counts when the handle is where it was asked to be moved."""
     questions.ready(key, todo, lambda: _counts(device))
     return _counts(device)
 
 
-def _counts(device):
+def _counts(device: PageDevice) -> np.ndarray:
     return device.tick(STILL)[COUNTS : COUNTS + 3].copy()
 
 
-def _sign(questions, key):
+def _sign(questions: Questions, key: str) -> int:
     if (sign := questions.number(key, "", "1 or -1")) not in (1.0, -1.0):
         raise ValueError(f"{key} is {sign:g}; 1 or -1 is needed")
     return int(sign)
 
 
-def _unit(name):
+def _unit(name: str) -> str:
     return "rad" if name == "theta" else "m"

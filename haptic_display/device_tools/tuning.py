@@ -6,10 +6,12 @@ A value that is no longer what this tool has set was set by somebody else: then 
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
 
 import numpy as np
 
+from haptic_device.config.description import Device
 from haptic_device.control.faults import FAULTS
 from haptic_device.control.records import TRACE_ROW
 from haptic_device.nodes.messages import TRACE
@@ -25,6 +27,8 @@ DRIVER, LOOPBACK, SIMULATION = "haptic_driver", "haptic_loopback", "haptic_simul
 PATIENCE = 15.0  # [s] for a service
 AGAIN = 3.0  # [s] without an answer after which it is asked once more; all calls may be repeated
 POLICY = "passivity.policy"
+Check = Callable[[], dict[str, str]]
+"""May raise, and gives the last line that each node printed whose log is at hand."""
 
 
 class FaultError(ValueError):
@@ -48,7 +52,7 @@ class Tuning:
         self.aim, self.close = self._client.aim, self._client.close
         self.truths, self.statuses = self._client.truths, self._client.statuses
         self.rows: list[np.ndarray] = []
-        self._held: dict = {}  # what this tool has set, of the parameters that it will put back
+        self._held: dict[str, Any] = {}  # what this tool has set, of the parameters that it will put back
 
     def look(self) -> None:
         """Appends what came to `truths` (name: (position, velocity, effort)) and `rows`, and updates `statuses`."""
@@ -58,7 +62,7 @@ class Tuning:
         if self.tool is not None:
             self.tool.answer()
 
-    def watch(self, seconds: float, aim=None) -> None:
+    def watch(self, seconds: float, aim: Callable[[float], Iterable[float]] | None = None) -> None:
         """Looks for so long; aim(elapsed) says every few milliseconds where the hand shall be (x, y, theta)."""
         began = time.monotonic()
         while (elapsed := time.monotonic() - began) < seconds:
@@ -77,15 +81,14 @@ class Tuning:
         if (name := self.said("fault")) in FAULTS:
             raise FaultError(name)
 
-    def wait_engaged(self, check: Callable[[], dict[str, str]] = dict) -> None:
+    def wait_engaged(self, check: Check = dict) -> None:
         """Until the driver is engaged and what this tool looks at comes, the trace, or else a simulated device's truth.
 
-        ValueError if the driver is in fault, or there is no more news. check() may raise, and gives the last line that
-        each node printed whose log is at hand.
+        ValueError if the driver is in fault, or there is no more news.
         """
         looked_at = self.rows if self._trace is not None else self.truths
 
-        def engaged():
+        def engaged() -> object:
             self.refuse_fault()
             return self.said("state") == "engaged" and looked_at
 
@@ -93,15 +96,15 @@ class Tuning:
         lack = f"no engaged driver with {wanted} is heard in {self._client.node.get_namespace()}"
         self._wait(engaged, check, lack, LOOPBACK, "start both and enable the driver, or let this command start them")
 
-    def wait_answered(self, check: Callable[[], dict[str, str]] = dict) -> None:
-        """Until a simulation answers the driver; ValueError if there is no more news. check as of `wait_engaged`."""
+    def wait_answered(self, check: Check = dict) -> None:
+        """Until a simulation answers the driver; ValueError if there is no more news."""
 
-        def answered():
+        def answered() -> bool:
             return number(self.said("exchange_answered")) > 0
 
         self._wait(answered, check, "no simulation answers the driver", SIMULATION, "start one")
 
-    def _wait(self, condition, check, lack, other, todo) -> None:
+    def _wait(self, condition: Callable[[], object], check: Check, lack: str, other: str, todo: str) -> None:
         """todo: what to do where the nodes are somebody else's."""
         news = News(self._client, DRIVER, other)
         while True:
@@ -122,18 +125,18 @@ class Tuning:
         self.statuses.clear()
         self.wait_engaged()
 
-    def get(self, names) -> dict:
+    def get(self, names: Iterable[str]) -> dict[str, Any]:
         """Values of the driver's parameters; lists as tuples."""
         return self._call(get_parameters(DRIVER, names))
 
-    def set(self, **values) -> None:
+    def set(self, **values: Any) -> None:
         """Sets parameters of the driver, `__` for the dot, all or none; ValueError with its sentence if it refuses."""
         wanted = {name.replace("__", "."): value for name, value in values.items()}
         self._refuse_stranger()
         self._write(wanted)
 
     @contextlib.contextmanager
-    def as_found(self, names) -> Iterator[dict]:
+    def as_found(self, names: Iterable[str]) -> Iterator[dict[str, Any]]:
         """Yields the values of these parameters, and puts them back whatever ends the block.
 
         A tool of its own is let go of before, lest gains that come back pull the handle to it. The policy is off first:
@@ -163,18 +166,18 @@ class Tuning:
                     f"something else set {name} to {value} meanwhile, this command had set {self._held[name]}"
                 )
 
-    def _write(self, values) -> None:
+    def _write(self, values: dict[str, Any]) -> None:
         try:
             self._call(set_parameters(DRIVER, values))
         except RefusedError as refusal:
             raise ValueError(f"{DRIVER} refused: {refusal}") from None
         self._held |= {name: value for name, value in values.items() if name in self._held}
 
-    def _call(self, question: Question):
+    def _call(self, question: Question) -> Any:
         return self._client.call(question, patience=PATIENCE, again=AGAIN)
 
 
-def refuse_other_device(said: Status, device, described: bool = True) -> None:
+def refuse_other_device(said: Status, device: Device, described: bool = True) -> None:
     """ValueError unless the driver that said it has a device of this name, and if `described` of this damping."""
     theirs, ours = said.values.get("physical_damping", ""), ", ".join(f"{axis.damping:g}" for axis in device.axes)
     if said.hardware != device.name or (described and theirs != ours):
@@ -184,7 +187,7 @@ def refuse_other_device(said: Status, device, described: bool = True) -> None:
         )
 
 
-def _rows(cloud) -> np.ndarray:
+def _rows(cloud: Any) -> np.ndarray:
     """Servo ticks of a block of the trace. Raises ValueError where the driver is of another version."""
     if cloud.point_step != TRACE_ROW.itemsize:
         raise ValueError(

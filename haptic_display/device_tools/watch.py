@@ -7,6 +7,7 @@ from haptic_device.message_fields import AXES
 from haptic_device.nodes.messages import LATEST
 from haptic_device.realtime.shared_memory import file_name
 from haptic_device.recording.layouts import JOINTS
+from haptic_device.recording.status import Status
 from haptic_display.client import Client
 from haptic_display.device_tools import figures as device_figures
 from haptic_display.device_tools.device_page import glance
@@ -22,7 +23,7 @@ class DeviceWatch:
         self._client = Client.join("haptic_device_show", domain, namespace or NAMESPACE)
         self._encoder = self._client.subscribe("encoder", JOINTS, LATEST)
         self._page = file_name(domain, namespace or NAMESPACE)
-        self._position, self._heard = {}, float("-inf")
+        self._position, self._heard = dict[str, float](), float("-inf")
 
     def close(self) -> None:
         """Leaves the network."""
@@ -46,6 +47,6 @@ class DeviceWatch:
         """Whether a device answers there now."""
         return device_figures.answering(self._fresh(), glance(self._page))
 
-    def _fresh(self):
+    def _fresh(self) -> dict[str, Status]:
         now, heard = time.monotonic(), self._client.heard
         return {name: said for name, said in self._client.statuses.items() if now - heard[name] < FRESH}

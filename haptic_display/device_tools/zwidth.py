@@ -6,8 +6,9 @@ The search, the gestures and the judgement are those of `haptic_device.theory.pr
 """
 
 import contextlib
+from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from haptic_device.recording.status import number
 from haptic_device.theory import probe
 from haptic_device.theory.quantity import finite, positive
 from haptic_display.device_tools.pair import on_pair
-from haptic_display.device_tools.tuning import Tuning, refuse_other_device
+from haptic_display.device_tools.tuning import Check, Tuning, refuse_other_device
 from haptic_display.device_tools.zwidth_lockstep import DEPTH, HAND, LAG, OUT, PHASES, RADIUS, WALL, LockstepDisplay
 
 TOUCHED = (
@@ -32,6 +33,7 @@ STALLED = {faults.name_of(code) for code in (faults.DEVICE_SILENT, faults.DEVICE
 TRIES = 5  # of one touch
 CANCELLED = 0.95  # share of the damping, for the free end
 STIFFEST = 1e6  # [N/m] that is tried if nobody says otherwise
+Say = Callable[[str], object]
 
 
 class Plan(NamedTuple):
@@ -47,11 +49,11 @@ class Plan(NamedTuple):
 class LiveDisplay:
     """The running display; `show` and `turn` as of the one in lock-step."""
 
-    def __init__(self, tuning, damping, resolution, say=lambda what: None):
+    def __init__(self, tuning: Tuning, damping: float, resolution: float, say: Say = lambda what: None):
         self._tuning, self._damping, self._resolution, self._say = tuning, damping, resolution, say
         self.energy_given = 0.0
 
-    def show(self, stiffness):
+    def show(self, stiffness: float) -> bool:
         """Whether this wall shakes at one touch of some, or latches a fault of the driver; then it is gone again.
 
         `energy_given` is the most that one of them gave [J].
@@ -60,11 +62,11 @@ class LiveDisplay:
         self.energy_given = -np.inf
         return any(self._shakes(stiffness, share * DEPTH) for share in PHASES)
 
-    def _shakes(self, stiffness, depth):
+    def _shakes(self, stiffness: float, depth: float) -> bool:
         """Whether it does so again when it is touched again: once may be the machine, which comes late now and then."""
         return self._touch(stiffness, depth) and self._touch(stiffness, depth)
 
-    def _touch(self, stiffness, depth):
+    def _touch(self, stiffness: float, depth: float) -> bool:
         for _ in range(TRIES):
             shook = self._try(stiffness, depth)
             if shook is not None:
@@ -73,7 +75,7 @@ class LiveDisplay:
             f"{TRIES} touches of a wall of {stiffness:g} N/m ended as the machine stalled; is it too busy?"
         )
 
-    def _try(self, stiffness, depth):
+    def _try(self, stiffness: float, depth: float) -> bool | None:
         """Whether this wall shakes; None if driver or loopback stalled meanwhile, which says nothing of the wall."""
         tuning, latched = self._tuning, ""
         tuning.watch(REST, lambda t: (WALL + OUT, 0.0, 0.0))
@@ -96,7 +98,7 @@ class LiveDisplay:
         self.energy_given = max(self.energy_given, given)
         return bool(latched) or probe.shakes(truth, began, self._resolution)
 
-    def turn(self, ratio):
+    def turn(self, ratio: float) -> float:
         """Apparent damping on a circle with this share of damping cancelled [N s/m]."""
         self._say(f"in free space, {ratio:.0%} of the damping cancelled")
         self._tuning.watch(REST, lambda t: (0.0, 0.0, 0.0))
@@ -106,7 +108,7 @@ class LiveDisplay:
         self._tuning.set(cancellation__ratio=0.0)
         return probe.apparent_damping(_truth(self._tuning.truths), began)
 
-    def free(self, policy="off"):
+    def free(self, policy: str = "off") -> None:
         """No wall, no coupling, and nothing that would calm what is to be seen; gains are judged by this policy."""
         self._tuning.set(
             passivity__policy=policy,
@@ -116,12 +118,12 @@ class LiveDisplay:
             coupling__damping=0.0,
         )
 
-    def _wall(self, stiffness):
+    def _wall(self, stiffness: float) -> None:
         damping = self._damping if stiffness else 0.0
         walls = {"wall__normals": (1.0, 0.0), "wall__offsets": (WALL,)}
         self._tuning.set(**walls, wall__stiffness=(stiffness,), wall__damping=(damping,))
 
-    def _begin(self):
+    def _begin(self) -> float:
         """Forgets the truths so far; time of the loopback at which the gesture begins."""
         self._tuning.look()
         del self._tuning.truths[:-1]
@@ -143,13 +145,13 @@ def plan(name: str, period: float, damping: float, stiffness_max: float | None) 
     return Plan(load_device(name), path, 1.0 / period, damping, stiffness_max)
 
 
-def measure(plan: Plan, domain: int | None, namespace: str | None, say) -> dict:
+def measure(plan: Plan, domain: int | None, namespace: str | None, say: Say) -> dict[str, Any]:
     """Figures of the display, live and in lock-step; say(what) hears of it. Raises ValueError, NodeDiedError."""
     nodes = pair(plan.path, plan.rate)
-    return on_pair(domain, namespace, *nodes, lambda *where: _measure(plan, *where, say))
+    return on_pair(domain, namespace, *nodes, lambda there, room, check: _measure(plan, there, room, check, say))
 
 
-def _measure(plan, domain, namespace, check, say):
+def _measure(plan: Plan, domain: int, namespace: str, check: Check, say: Say) -> dict[str, Any]:
     with contextlib.closing(Tuning(domain, namespace)) as tuning:
         tuning.wait_engaged(check)
         refuse_other_device(tuning.statuses["haptic_driver"], plan.device)
@@ -159,7 +161,7 @@ def _measure(plan, domain, namespace, check, say):
             return _figures(live, tuning, plan._replace(rate=rate), say)
 
 
-def pair(path, rate):
+def pair(path: str, rate: float) -> tuple[dict[str, Any], dict[str, Any]]:
     """Parameters of driver and loopback: no coupling, which some devices could not bear; a light hand that follows."""
     hand = {f"hand.{name}": value for name, value in HAND.items()}
     start = {"motion.name": "follow", "motion.lag": LAG, "motion.start": (0.0, 0.0, 0.0)}
@@ -167,7 +169,7 @@ def pair(path, rate):
     return driver, {"device": path, **hand, **start}
 
 
-def _figures(live, tuning, plan, say):
+def _figures(live: LiveDisplay, tuning: Tuning, plan: Plan, say: Say) -> dict[str, Any]:
     device, _, rate, damping, stiffness_max = plan
     b = device.axes[0].damping
     passive = 2.0 * (b - abs(damping)) * rate
@@ -196,7 +198,7 @@ def _figures(live, tuning, plan, say):
     }
 
 
-def _write_delay(tuning):
+def _write_delay(tuning: Tuning) -> float:
     """Time from deadline to the motor's effect [s]: the median of the servo's writes, and what a bridge adds."""
     tuning.watch(0.6)
     bridge = tuning.statuses.get("haptic_bridge")
@@ -204,7 +206,7 @@ def _write_delay(tuning):
     return (max(0.0, number(tuning.said("write_delay_us_p50"))) + added) * 1e-6
 
 
-def _truth(truths):
+def _truth(truths: list[dict[str, Any]]) -> probe.GroundTruth:
     columns = {
         "position": ("x", 0),
         "velocity_x": ("x", 1),

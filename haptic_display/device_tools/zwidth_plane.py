@@ -2,7 +2,9 @@
 """The K-B plane of walls that a device can show (Colgate & Brown 1994): which cells to run, and what came of them."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,8 +13,10 @@ from haptic_device.theory.quantity import positive
 from haptic_device.theory.zwidth import Setup, check_setup, operators_of, theory
 from haptic_device.theory.zwidth_map import Request, boundaries, draw_map, empty, write_csv
 
+Show = Callable[[int], object]
 
-def device_figures(name: str, period: float) -> dict:
+
+def device_figures(name: str, period: float) -> dict[str, float]:
     """Figures of a Setup from a device's x axis, with its delays in periods [s]."""
     positive("period", period, "s")
     device = load_device(name)
@@ -26,7 +30,9 @@ def device_figures(name: str, period: float) -> dict:
     }
 
 
-def request_of(setup: Setup, operator: str, stiffness_max: float | None, damping_max: float | None, points: int):
+def request_of(
+    setup: Setup, operator: str, stiffness_max: float | None, damping_max: float | None, points: int
+) -> Request:
     """The map of points x points cells up to these gains [N/m, N s/m], by theory where they are None. ValueError."""
     check_setup(setup)
     operators_of(operator)
@@ -39,7 +45,7 @@ def request_of(setup: Setup, operator: str, stiffness_max: float | None, damping
     return Request(setup, operator, np.linspace(0.0, stiffness_max, points + 1)[1:], damping)
 
 
-def write_map(request: Request, lateness: float, out: Path, workers: int, scheduler: str, show) -> dict:
+def write_map(request: Request, lateness: float, out: Path, workers: int, scheduler: str, show: Show) -> dict[str, Any]:
     """Draws the map into map.csv and map.png of this folder; its figures. show(rows done) hears how far it is.
 
     Interrupted or failed, it keeps the rows that were done.
@@ -71,5 +77,5 @@ def write_map(request: Request, lateness: float, out: Path, workers: int, schedu
     }
 
 
-def _finite(value):
+def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
