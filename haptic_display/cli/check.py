@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic check FILE...`: says whether configuration files are right, before any moves; --verify measures scenes."""
+"""`haptic check FILE...`: says whether files are right before anything moves; --verify measures scenes."""
 
 import functools
 from collections.abc import Callable
