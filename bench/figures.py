@@ -22,7 +22,7 @@ from bench.reference.closed_forms import (
     wall_damping_for_any_simulation,
 )
 from bench.theory import mu_threshold
-from haptic_device.control.passivity import coupling_damping, energy_booked, least_damping
+from haptic_device.control.passivity import least_damping
 from haptic_device.theory import passivity_figure, zwidth_figure, zwidth_map
 from haptic_device.theory.assessment import Display
 from haptic_device.theory.delay import delayed_demand, wall_damping_needed
@@ -48,7 +48,7 @@ def main(folder: Annotated[Path, typer.Argument(show_default="docs")] = ROOT / "
         (folder / name).mkdir(parents=True, exist_ok=True)
     pictures = {
         "passivity_sampled": with_legends(5.2, staircase, given),
-        "passivity_conditions": with_legends(10.0, demand, delay, late_coupling, switch),
+        "passivity_conditions": with_legends(10.0, demand, delay, late_rows, switch),
         "passivity_negative": with_legends(5.6, negative, drawn),
         "passivity_map": passive_and_stable(),
         "zwidth_map": quiet_walls(),
@@ -150,7 +150,8 @@ def given(axes):
     """Energy that the hand has gained when it is out of that wall."""
     depth, damping = pressed(1e-4), np.linspace(0.0, 1.0, 41)
     held = -1000.0 * depth[:-1]
-    energy = [sum(energy_booked(*hold, b, 1e-3) for hold in zip(held, np.diff(depth), strict=True)) for b in damping]
+    way = np.diff(depth)
+    energy = [np.sum(held * way - b * way**2 / 1e-3) for b in damping]
     axes.plot(damping, 1e3 * np.array(energy), color=BLUE, label="in and out at 0.1 m/s")
     axes.axhline(0.0, color=BLACK, linewidth=0.8)
     axes.axvline(0.5, color=VERMILION, linestyle=DASHED, label="KT/2 = 0.5 N s/m")
@@ -188,17 +189,16 @@ def delay(axes):
     axes.set(xlabel="delay of the force [T]", ylabel="damping needed b/(KT)", title="A force that acts late")
 
 
-def late_coupling(axes):
-    """What wall and coupling are asked for over delay."""
+def late_rows(axes):
+    """What springs and dampers are asked for over delay."""
     late = np.linspace(0.0, 2.0, 201)
-    kinds = ((coupling_damping, "coupling", GREEN, "o"), (least_damping, "wall", PURPLE, "s"))
-    for needed, what, colour, mark in kinds:
+    for share, what, colour, mark in ((1.0, "always so late", GREEN, "o"), (0.0, "up to so late", PURPLE, "s")):
         for damping, dashes in ((0.0, SOLID), (0.25, DASHED)):
-            asked = [needed(1.0, damping, 1.0, float(value)) for value in late]
+            asked = [least_damping(1.0, damping, 1.0, float(value), share * float(value)) for value in late]
             look = {"linestyle": dashes, "color": colour, "marker": mark, "markevery": 40, "markersize": 4}
             axes.plot(late, asked, **look, label=f"{what}, B = {damping:g} KT")
     axes.set(xlabel="delay of the force [T]", ylabel="damping needed b/(KT)")
-    axes.set_title("Late force: wall and coupling")
+    axes.set_title("Late force: what the driver asks for")
 
 
 def negative(axes):

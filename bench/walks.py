@@ -13,6 +13,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = [ROOT / name for name in ("haptic_device", "haptic_sim", "haptic_display")]
+TABLE = """servo:tick > wishes:weigh_in > _fit > rows:force > pull
+servo:tick > wishes:move > account:move > rows:blend
+account:move > weigh > rows:force
+servo:tick > account:settle"""
 MOTOR = """
 servo:tick > motor:command > servo_loop:run_realtime=motor > hardware_interface:__init__=write > compiled > _write"""
 WALKS = {
@@ -22,13 +26,14 @@ ros_parameters:declare > _initial > parameter_types:check_value
 driver:__init__ > ros_parameters:on_change > _merged
 driver:__init__ > _check > _settings > controller_config:settings_unjudged > settings_of > records:SETTINGS
 controller_config:settings_unjudged > _set_walls
-driver:_settings > gain_check:judge > margins > _needs > control/passivity:least_damping
+driver:_settings > gain_check:judge > margins > _left > _judged > _by_table > account:needs
+gain_check:_judged > actuation_delay:set_lateness > control/passivity:weights
 driver:__init__ > _apply > _set > servo_thread:set > seqlock:put > atomic:publish
 servo_thread:set > _run=settings > __init__=_run_ticks > servo_loop:realtime > run_realtime > _take
 servo_loop:run_realtime > run_tick > servo:tick
-servo:tick > bumpless_transfer:follow > _follow > bumpless_walls:follow > _let_in > change_ledger:toward
-servo:tick > passivity_observer:release_wall_energy
-servo:tick > virtual_wall:push > virtual_coupling:spring_force{MOTOR}""",
+servo:tick > account:book
+servo:tick > wishes:wish > _wish_walls > virtual_wall:wall_limit
+{TABLE}{MOTOR}""",
     "a contact, from pymunk to the hand": f"""
 world:step > port:step > exchange/simulation:_advance > exchange
 port:step > _one_by_one > _drive > tool_side_tank:drive > port:kept_back=SHORT > exchange/simulation:exchange > _sample
@@ -36,12 +41,10 @@ exchange/simulation:exchange > endpoint:exchange > _in_time > answer > _pack > l
 endpoint:answer > node/simulation:_turn > __init__=_tool > exchange_server:__init__=tool > _run_rcl=_subscription
 exchange_server:_run_rcl > exchange_loop:run_exchange > exchange_step:take_in > _judge > exchange_samples:judge_tool
 exchange_step:take_in > servo_loop:run_realtime=tool > _take > atomic:collect_whole
-servo_loop:run_realtime > run_tick > servo:tick > exchange_controller:move_set_point
-exchange_controller:move_set_point > _move > exchange_pspm:move_set_point > energy_tank:pay
-energy_tank:pay > _reach_out > set_position:slewed
-exchange_controller:move_set_point > _begin_tick > _book_hold > energy_accounting:hold_ended
-servo:tick > bumpless_transfer:pay_for_rise
-servo:tick > virtual_coupling:pull{MOTOR}""",
+servo_loop:run_realtime > run_tick > servo:tick > account:book
+servo:tick > exchange_controller:wish > exchange_pspm:wish > set_position:slewed
+servo:tick > wishes:wish > _wish_coupling
+{TABLE}{MOTOR}""",
 }
 
 

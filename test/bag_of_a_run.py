@@ -28,11 +28,11 @@ COLUMNS = (
     *((name, 3) for name in ("tool_position", "tool_velocity", "tool_effort")),
     *((name, 1) for name in ("tool_contact", "tool_energy", "handle_sequence")),
     *((name, 3) for name in ("position", "velocity", "coupling_position", "coupling_velocity")),
-    *((f"force_{name}", 3) for name in ("walls", "coupling", "cancellation", "gravity", "passivity", "on_handle")),
+    *((f"force_{name}", 3) for name in ("walls", "coupling", "cancellation", "gravity", "on_handle")),
     ("motor", 3),
     *((name, 1) for name in ("engage", "exchange_fade", "cancellation_fade", "exchange_energy")),
     *((name, 3) for name in ("energy_given", "margin")),
-    *((name, 1) for name in ("contact_set", "state", "fault", "withheld", "stamp_error", "injections")),
+    *((name, 1) for name in ("contact_set", "state", "fault", "withheld", "stamp_error", "exchange_shortened")),
 )
 ROW = np.dtype([(name, "f8", (count,)) if count > 1 else (name, "f8") for name, count in COLUMNS])
 

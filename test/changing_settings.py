@@ -4,9 +4,8 @@
 import numpy as np
 from lockstep_systems import device, values
 
-from haptic_device.control import controller_config, gain_check
+from haptic_device.control import controller_config, gain_check, rows
 from haptic_device.control.records import TRACE_ROW
-from haptic_device.control.virtual_coupling import spring_store
 from haptic_sim.lockstep.lockstep import Lockstep
 
 RATE, FORCE = 1000.0, 3.0  # [Hz], [N] of the hand on the wall
@@ -14,7 +13,6 @@ WIDE = {"workspace": (-10.0, 10.0), "motor_limit": 15.0}
 WALL = {"wall__normals": (1.0, 0.0), "wall__offsets": (0.0,), "wall__stiffness": (500.0,), "wall__damping": (0.0,)}
 NO_WALL = dict.fromkeys(WALL, ())
 NO_COUPLING = {"coupling__stiffness": 0.0, "coupling__damping": 0.0}
-USED = {"force": ("limit",), "coupling": ("stiffness", "damping", "limit"), "cancellation": ("ratio",)}
 
 
 class Changing(Lockstep):
@@ -50,28 +48,17 @@ class Changing(Lockstep):
                 self.tool["session"], self.tool["position"][0, 0] = 1.0, self._pull
                 self.tool["sequence"] += 1.0
                 self.tool["answered"], self.tool["sent"] = self.tool["sequence"], self.ticks * self.period
-            rows, now = self.run(1.0 / RATE), self.memory["in_force"][0].copy()
-            row = rows.view(TRACE_ROW)[0]  # whose fields are found faster than those of a record
-            if self._before is not None:
-                self.beyond.append(_beyond(*self._before, row, now))
-            self._before = row, now
-            self.rows.append(rows[0])
+            before, ran, table = self._before, self.run(1.0 / RATE), self.memory["rows"][0]
+            row = ran.view(TRACE_ROW)[0]  # whose fields are found faster than those of a record
+            if before is not None:
+                self.beyond.append(_beyond(*before, row, self.settings))
+            self._before = row, table[table["weight"] > 0.0].copy()
+            self.rows.append(ran[0])
             self.given.append(float(self.plant_memory["energy_given"][0]))
-            self.held.append(self._held(row))
+            kinds = zip(self.device.axes, self.plant_memory["velocity"][0], strict=False)
+            moving = sum(axis.mass * velocity**2 for axis, velocity in kinds)
+            self.held.append(max(0.0, float(row["exchange_tank"])) + float(row["stored"]) + 0.5 * moving)
         return self
-
-    def _held(self, row):
-        """What springs, tank and the device's masses hold [J]."""
-        wall, spring = self.memory[0]["in_force"]["wall"], self.memory[0]["spring"]
-        energy = max(0.0, float(self.memory["tank"]["level"][0]))  # a row has it as it was before the tick's end
-        for j in range(int(wall["count"])):
-            depth = max(0.0, wall["offset"][j] - wall["x"][j] * row["position"][0] - wall["y"][j] * row["position"][1])
-            energy += 0.5 * row["engage"] * wall["stiffness"][j] * depth**2
-        for i, axis in enumerate(self.device.axes):
-            stretch = row["coupling_position"][i] - row["position"][i]
-            energy += spring_store(spring["stiffness"][i], spring["limit"][i], stretch)
-            energy += 0.5 * axis.mass * self.plant_memory["velocity"][0, i] ** 2
-        return energy
 
     @property
     def forged(self):
@@ -82,27 +69,34 @@ class Changing(Lockstep):
     @property
     def budget(self):
         """Energy [J] that may be given before any has been paid."""
-        return float(self.settings["exchange"]["budget"][0] + self.settings["passivity"]["budget"][0])
+        return float(self.settings["exchange"]["budget"][0])
+
+    @property
+    def paid(self):
+        """The most [J] that the account fell by, from any tick on."""
+        left = np.array([row.exchange_tank + row.exchange_energy for row in self.rows])
+        return float(np.max(np.maximum.accumulate(left) - left))
 
     @property
     def slew(self):
-        """What a tick may change the force by beyond the handle's own motion [N]."""
-        return float(self.settings["exchange"]["slew"][0, 0]) / RATE + 1e-9
+        """What springs and dampers together may change the force by in a tick beyond the handle's own motion [N]."""
+        return 1.25 * float(self.settings["exchange"]["slew"][0, 0]) / RATE + 1e-9
 
     @property
     def there(self):
-        """Whether all that is wished for is in force; unused places of walls and axes say nothing."""
-        wished, now = self.settings[0], self.memory["in_force"][0]
-        used = {"wall": ("x", "y", "offset", "stiffness", "damping")} | USED
-        counts = {"wall": int(wished["wall"]["count"])}
-        same = wished["wall"]["count"] == now["wall"]["count"]
-        for group, names in used.items():
-            width = counts.get(group, len(self.device.axes))
-            same &= all(
-                np.array_equal(np.atleast_1d(wished[group][n])[:width], np.atleast_1d(now[group][n])[:width])
-                for n in names
-            )
-        return bool(same)
+        """Whether all that is wished for is in force."""
+        wished, table, axes = self.settings[0], self.memory["rows"][0], len(self.device.axes)
+        coupling, count = table[rows.COUPLING : rows.COUPLING + axes], int(wished["wall"]["count"])
+        walls, beyond = table[rows.WALLS : rows.WALLS + count], table[rows.WALLS + count :]
+        cancelled = -wished["cancellation"]["ratio"] * wished["port"]["damping"][:axes]
+        on, fade = self.rows[-1].engage > 0.0, self.rows[-1].exchange_fade
+        pairs = [(coupling[n], wished["coupling"][n][:axes]) for n in ("stiffness", "damping")]
+        pairs += [(walls[n], wished["wall"][n][:count]) for n in ("offset", "stiffness", "damping")]
+        pairs += [(walls["normal"][:, i], wished["wall"][n][:count]) for i, n in enumerate("xy")]
+        pairs += [(coupling["high"], wished["coupling"]["limit"][:axes]), (coupling["weight"], on * fade)]
+        pairs += [(walls["weight"], on), (beyond["weight"], 0.0)]
+        pairs += [(table["damping"][rows.CANCELLATION : rows.CANCELLATION + axes], cancelled)]
+        return all(np.array_equal(now, np.broadcast_to(wanted, now.shape)) for now, wanted in pairs)
 
 
 def pressing(depth=FORCE / 500.0, hand=500.0, seconds=2.0, **given):
@@ -123,35 +117,22 @@ def stretching(hand=500.0, stretch=0.006, **given):
     return Changing(motion, 0.0, **{"damping": 3.2} | gains | given).go(0.96)
 
 
-def _beyond(before, old, row, new):
-    """Change of the force on the handle, less what its own motion makes of it by gains in force before or after [N].
+def _beyond(before, table, row, settings):
+    """Change of the force on the handle, less what its own motion makes of it [N].
 
-    The controller's own damping, the force ramp, and a display that lets go, count for nothing.
+    table: that was in force before. A display that lets go counts for nothing.
     """
-    axes = int(new["axes"])
+    axes = int(settings["axes"][0])
     if row["engage"] < before["engage"]:
         return np.zeros(axes)
-    changed = np.abs(row["force_on_handle"] - before["force_on_handle"])
-    changed -= np.abs(row["force_passivity"] - before["force_passivity"])
-    own = _own(new, before, row)
-    if old.tobytes() != new.tobytes():
-        own = np.maximum(own, _own(old, before, row))
-    own += (row["engage"] - before["engage"]) * np.abs(row["force_on_handle"]) / max(row["engage"], 1e-12)
-    return np.maximum(0.0, changed - own)[:axes]
-
-
-def _own(settings, before, row):
-    """What the handle's own motion changes the force by [N] at most, by these settings."""
-    way, turn = np.abs(row["position"] - before["position"]), np.abs(row["velocity"] - before["velocity"])
-    coupling, cancelled = settings["coupling"], settings["cancellation"]["ratio"] * settings["hardware"]["damping"]
-    own = coupling["stiffness"] * way + (coupling["damping"] + cancelled) * turn
-    wall, fastest = settings["wall"], np.maximum(np.abs(row["velocity"]), np.abs(before["velocity"]))
-    for j in range(int(wall["count"])):
-        normal = np.array([wall["x"][j], wall["y"][j], 0.0])
-        outside = [normal @ one["position"] >= wall["offset"][j] - 1e-12 for one in (before, row)]
-        # a damper begins and ends where its wall does
-        change = row["velocity"] - before["velocity"]
-        rate = np.abs(normal) @ fastest if outside[0] != outside[1] else abs(normal @ change)
-        push = wall["stiffness"][j] * abs(normal @ (row["position"] - before["position"])) + wall["damping"][j] * rate
-        own += np.abs(normal) * push
-    return own
+    was, now = before["force_on_handle"], row["force_on_handle"]
+    way = row["position"] - before["position"]
+    own = np.zeros(3)
+    for one in table:
+        rate = one["rate"] - one["normal"] @ way * RATE
+        spring = np.clip(one["stiffness"] * (one["offset"] - one["normal"] @ row["position"]), one["low"], one["high"])
+        both = np.clip(spring + one["damping"] * rate, one["low"], one["high"])
+        outside = one["low"] == 0.0 and spring <= 0.0
+        own += 0.0 if outside else one["weight"] * both * one["normal"]
+    low, high = np.minimum(was, own), np.maximum(was, own)
+    return np.maximum(0.0, np.maximum(low - now, now - high))[:axes]

@@ -7,7 +7,7 @@ from ticks import tick
 
 from adversary import exchange_search as adversary
 from haptic_device.config.description import load_device
-from haptic_device.control import controller_config, enable_state, faults, virtual_coupling
+from haptic_device.control import controller_config, enable_state, faults, records
 from haptic_sim.exchange.port import port_of
 from haptic_sim.exchange.simulation import Simulation
 from haptic_sim.lockstep.lockstep import PERFECT, Lockstep
@@ -35,11 +35,14 @@ def demo_system(method, scene="wall", network=PERFECT, motion=None, **driver):
     )
 
 
-def one_axis(method, stiffness=1000.0, damping=0.25, period=1e-3, over=1.05, **driver):
-    """SETTINGS of one axis without limits of motion, whose physical damping is `over` times K T/2 + B."""
+def one_axis(method, stiffness=1000.0, damping=0.25, period=1e-3, over=1.05, counts=1e9, fastest=1e6, **driver):
+    """SETTINGS of one axis without limits of motion, whose physical damping is `over` times K T/2 + B.
+
+    counts: of the encoder [1/m]; fastest: speed limit of the device [m/s].
+    """
     least = stiffness * period / 2.0 + damping
-    shipped = device(over * least, 1e9, axes=1)
-    free = {"velocity_limit": 1e6, "workspace": (-1e6, 1e6)}
+    shipped = device(over * least, counts, axes=1)
+    free = {"velocity_limit": fastest, "workspace": (-1e6, 1e6)}
     shipped = shipped.model_copy(update={"axes": (shipped.axes[0].model_copy(update=free),)})
     given = {"coupling__stiffness": stiffness, "coupling__damping": damping, "servo__rate": 1.0 / period}
     given |= {"exchange__method": method, "passivity__control": False}
@@ -65,7 +68,7 @@ def credited(method, seed, scale=(1.0, 1.0), limit=20.0, reach=1.0, wall=0.0, mi
             record["counts"] = np.round(place * 1e9)
             _wild_sample(record, random, k, unit)
             tick(settings, memory, row)
-            most = max(most, given + _books(settings[0], memory[0], record))
+            most = max(most, given + adversary.booked(settings[0], memory[0], row.view(records.TICK)[0]))
         if k % wide == 0:
             way = random.normal(size=3) * step
         if random.random() < 0.5:
@@ -97,15 +100,3 @@ def _wild_sample(record, random, number, unit):
     record["tool_effort"] += random.normal(size=3) * 1e-2
     record["tool_energy"] += abs(random.normal()) * 1e-3
     record["tool_age"] = abs(random.normal()) * 0.03
-
-
-def _books(settings, memory, record):
-    """Energy [J] in tank, springs and on its way, less the budget."""
-    stretch = record["coupling_position"] - record["position"]
-    stored = sum(
-        virtual_coupling.spring_store(*one)
-        for one in zip(memory["spring"]["stiffness"], memory["spring"]["limit"], stretch, strict=True)
-    )
-    depth = max(0.0, settings["wall"]["offset"][0] - record["position"][0])
-    stored += 0.5 * settings["wall"]["stiffness"][0] * depth**2
-    return stored + memory["tank"]["level"] + memory["tank"]["shipped"] - memory["tank"]["returned"] - 0.005

@@ -7,5 +7,6 @@ from haptic_device.realtime import tick_replay
 def tick(settings, memory, row):
     """One tick, in place; SETTINGS, MEMORY and TICK arrays of one."""
     row["margin"], row["surplus"] = settings["passivity"]["margin"], settings["passivity"]["surplus"]
-    row["lateness_counted"] = settings["passivity"]["lateness"]
+    row["lateness_least"], row["lateness_counted"] = settings["port"]["least"], settings["port"]["most"]
+    row["lateness_ratio"] = settings["port"]["ratio"]
     tick_replay.recompute(settings, memory, row, tick_replay.NO_SETS)

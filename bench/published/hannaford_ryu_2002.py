@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from haptic_device.control import passivity, velocity_estimator, virtual_wall
+from haptic_device.control import velocity_estimator, virtual_wall
 from haptic_device.device import plant
 
 PERIOD, STEP, LIMIT = 1e-3, 1e-4, 200.0
@@ -35,15 +35,21 @@ def _travel(stiffness, ticks, controlled):
     for k in range(round(SECONDS / PERIOD)):
         now = _read(x)
         rate = (now - seen) / PERIOD
-        given += passivity.energy_booked(held, now - seen, 0.0, PERIOD)
+        given += held * (now - seen)
         if k % ticks == 0:
             pushed = -virtual_wall.wall_force(stiffness, 0.0, now, 0.0)
-        damper = passivity.injected_damping(given, 0.0, rate, PERIOD, MASS / PERIOD) if controlled else 0.0
+        damper = _injected(given, rate) if controlled else 0.0
         seen, held = now, float(np.clip(pushed - damper * rate, -LIMIT, LIMIT))
         push = held + HAND_STIFFNESS * DEPTH
         x, v, _ = plant.slide(MASS, DAMPING + HAND_DAMPING, HAND_STIFFNESS, 0.0, push, 0.0, x, v, PERIOD)
         track.append(x)
     return 1e3 * float(np.ptp(track[len(track) // 2 :]))
+
+
+def _injected(given, rate):
+    """Damping [N s/m] that takes what was given beyond nothing out of the next tick, at most what the loop can take."""
+    power = rate * rate * PERIOD
+    return min(MASS / PERIOD, given / power) if given > 0.0 and power > 0.0 else 0.0
 
 
 def _read(position):

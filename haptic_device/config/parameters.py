@@ -136,8 +136,7 @@ class Passivity(Group):
     policy: Policy = live(
         "enforce", "", "gains too high for the device's damping: refuse (enforce), warn, or take at once (off)"
     )
-    control: bool = live(True, "", "true: add damping when the observer finds generated energy")
-    budget: float = live(0.001, "J", "energy that each axis may generate before damping is added", 0.0, 10.0, 0.05)
+    control: bool = live(True, "", "true: springs let go of what they owe, as after a missed tick")
 
 
 class Fault(Group):

@@ -6,6 +6,7 @@ Later by the delays of the device and by the write's own, which the tick after k
 
 import math
 
+from haptic_device.control import passivity
 from haptic_device.control.records import AXES, HELD
 from haptic_device.jit import kernel, njit
 
@@ -20,7 +21,7 @@ def was_written(settings, hold, sensors):
 def acted(hold, sent, i, now, elapsed):
     """Of a force on axis i over the hold that ends now [ns]: its mean, and Σ (f − mean)² τ of its changes.
 
-    sent: hold.written, the motor's force, or hold.coupling_written, what of it is the coupling's.
+    sent: account.sent.
 
     Summed as differences from the newest force, so that a force which stays is itself and has not changed.
     """
@@ -72,44 +73,30 @@ def _farthest(hold, sent, i, mean, at, error):
 
 
 @kernel
-def keep_ways(hold, motion):
-    """The way of the hold that ends here, behind those before."""
-    at = (int(hold.newest_way) + 1) % HELD
-    hold.newest_way = at
-    for i in range(AXES):
-        hold.ways[at, i] = motion.moved[i]
-
-
-@kernel
-def late_store(settings, observer, hold, i):
-    """What springs and dampers that act late may still owe for the ways of the last holds [J], beyond damping_store.
-
-    With W = n + φ periods of delay a spring's force lags by K Σ Δx_{k−j}, j = 1 … n, and by φ of j = n + 1: each
-    product K Δx_k Δx_{k−j} is at most half of either square, so Δx² still owes ½ K (W − i) after i more holds; and
-    ½ D/T for a damper until its lag, with what the change within a hold may add (passivity.energy_changed).
-    """
-    late = settings.passivity.lateness / settings.period
-    whole = int(late)
-    share, owed, spring, damping = late - whole, 0.0, observer.springs[i], settings.hardware.damping[i]
-    if late <= 0.0:
-        return 0.0
-    for at in range(min(HELD, whole + 2)):
-        weight = 0.5 * spring * max(0.0, late - at)
-        damper = 0.5 * observer.damper[i] / settings.period
-        if at <= whole:
-            weight += 0.25 * share * (1.0 - share) * spring * spring * settings.period / damping
-            weight += damper if at > 0 else 0.0
-        else:
-            weight += share * damper
-        way = hold.ways[(int(hold.newest_way) - at) % HELD, i]
-        owed += weight * way * way
-    return owed
-
-
-@kernel
-def send(hold, output):
-    """The motor value of this tick; from when it acts the next tick knows."""
+def send(hold, account):
+    """The forces of this tick [N | N m, in the world]; from when they act the next tick knows."""
     at = (int(hold.newest) + 1) % HELD
-    hold.newest, hold.acts[at] = at, hold.deadline
+    hold.newest, hold.acts[at], account.shares[at] = at, hold.deadline, account.share
     for i in range(AXES):
-        hold.written[at, i], hold.coupling_written[at, i] = output.force_on_handle[i], hold.coupling[i]
+        account.sent[at, i] = account.force[i]
+
+
+@kernel
+def set_lateness(port, least, most, period, ratio):
+    """Fills in how late forces act: `least` to `most` [s] after their sample, in periods.
+
+    layers: (from, to in a hold, fewest, most ticks old). needs, ratio: as of passivity.weights.
+    """
+    port.least, port.most, port.ratio = least, most, ratio
+    low, high = least / period, most / period
+    if high - math.floor(high) < 1e-9:
+        high = math.floor(high)
+    a, b = low - math.floor(low), high - math.floor(high)
+    cuts = (0.0, min(a, b), max(a, b), 1.0)
+    for layer in range(3):
+        start, end = cuts[layer], cuts[layer + 1]
+        port.layers[layer, 0], port.layers[layer, 1] = start, end
+        port.layers[layer, 2] = math.floor(low) + (1.0 if start < a else 0.0)
+        port.layers[layer, 3] = math.floor(high) + (1.0 if start < b else 0.0)
+    port.whole, port.holds = math.floor(high), math.ceil(high) + 1.0
+    port.needs[0], port.needs[1], port.needs[2], port.needs[3] = passivity.weights(low, high, ratio)

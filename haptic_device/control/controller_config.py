@@ -8,6 +8,7 @@ import numpy as np
 from haptic_device.config.parameters import LEAST_UNATTENDED, MOST_WALLS, OPERATING_POINT
 from haptic_device.control import exchange_samples, gain_check, records
 from haptic_device.control.exchange_samples import COUPLING_GAINS, METHODS
+from haptic_device.control.set_position import DAMPER_SLEW
 
 MOST_LATE = records.HELD - 4  # periods: motor values on their way are remembered, and a write may be late too
 ATTENDED_EVERY = 0.05  # [s] the driver says that it is there
@@ -33,7 +34,7 @@ def settings_of(device):
         described["motor_per_force"][i] = axis.motor_sign / axis.motor_constant
         described["motor_limit"][i] = axis.motor_limit
         described["gravity"][i] = -device.weight(i) if device.gravity_compensation else 0.0
-        described["damping"][i] = axis.damping
+        described["damping"][i], described["friction"][i] = axis.damping, axis.coulomb
         described["position_low"][i], described["position_high"][i] = axis.workspace
         described["velocity_limit"][i] = axis.velocity_limit
     return settings
@@ -89,8 +90,19 @@ def settings_unjudged(device, values, version=0):
     settings["force"]["limit"][0] = (values["force.limit"], values["force.limit"], values["force.limit_rotational"])
     _set_walls(settings, values)
     _set_exchange(settings, values)
-    settings["passivity"]["cross"] = gain_check.cross(settings[0])
+    _set_port(settings)
     return settings
+
+
+def _set_port(settings):
+    """What the account counts with, in the world; of the lateness: gain_check.counted."""
+    port, device = settings["port"], settings["hardware"]
+    # springs have the slew, and dampers their share on top of it
+    port["period"], port["slew"] = settings["period"], (1.0 + DAMPER_SLEW) * settings["exchange"]["slew"]
+    port["fastest"], port["step"] = device["velocity_limit"], np.abs(device["position_per_count"])
+    port["fastest"] *= device["scale"]
+    port["step"] *= device["scale"]
+    port["damping"] = device["damping"] / device["scale"] ** 2
 
 
 def _set_exchange(settings, values):

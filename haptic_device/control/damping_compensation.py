@@ -33,12 +33,6 @@ def share_beside_coupling(held, exchange_fade):
     return 1.0 - exchange_fade * (1.0 - held)
 
 
-@njit
-def cancellation_force(ratio, damping, velocity):
-    """Force on the handle along its motion [N | N m] that cancels this part of the physical damping b."""
-    return ratio * damping * velocity
-
-
 @kernel
 def filter_drag(settings, compensation, i, drag, elapsed):
     """The measured drag of axis i behind its filter; returns a fault code: it must never swallow what is no number."""
@@ -69,7 +63,7 @@ def measured_cancellation_force(ratio, drag, damping, velocity):
 
 @kernel
 def compensate(settings, compensation, motion, walls, output):
-    """Negative damping of the device's own, in free space only: fills in force_cancellation and cancellation_fade."""
+    """Negative damping of the device's own, in free space only: fills in cancellation_fade, and the measured force."""
     chosen, device = settings.cancellation, settings.hardware
     # a band before the nearest wall: within it cancellation fades, so that it is gone at the surface
     clearance = math.inf
@@ -78,13 +72,9 @@ def compensate(settings, compensation, motion, walls, output):
     fade = cancellation_fade(clearance, chosen.band, 0.0, 1.0)
     fade *= _left_by_coupling(settings, output)
     output.cancellation_fade = fade
-    ratio = chosen.ratio * fade
-    for i in range(int(settings.axes)):
+    for i in range(int(settings.axes) if chosen.source == MEASURED else 0):
         damping, velocity = device.damping[i], motion.device_velocity[i]
-        if chosen.source == MEASURED:
-            force = measured_cancellation_force(ratio, compensation.drag[i], damping, velocity)
-        else:
-            force = cancellation_force(ratio, damping, velocity)
+        force = measured_cancellation_force(chosen.ratio * fade, compensation.drag[i], damping, velocity)
         # from the device to the world: power is the same at both
         output.force_cancellation[i] = force / device.scale[i]
 

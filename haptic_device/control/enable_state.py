@@ -49,3 +49,10 @@ def advance(settings, enable, fault, motion, sensors, near, output):
     ramp = force_ramp(int(enable.state), enable.ramp, settings.period, limits.time)
     enable.ramp = min(ramp, enable.ramp) if motion.stale_ticks > 0.0 else ramp  # nothing rises on old counts
     output.engage = enable.ramp
+
+
+@kernel
+def wait(enable, share, output):
+    """Forces rise no faster than what all but the coupling gains by it is paid: by this share of a tick's rise."""
+    if enable.ramp > enable.ramp_before:
+        enable.ramp = output.engage = enable.ramp_before + share * (enable.ramp - enable.ramp_before)

@@ -1,40 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exchange method `pspm`: passive set-position modulation after the tool's samples (control/set_position)."""
+"""Exchange methods `pspm` and `direct`: the coupling is wished for where the tool is, as far as the slew allows.
 
-from haptic_device.control import energy_tank, set_position
+`pspm` (control/set_position) foretells where that is now; `direct` takes the last sample as it is.
+"""
+
+import math
+
+from haptic_device.control import exchange_samples, set_position
 from haptic_device.jit import kernel, njit
 
 
 @kernel
-def move_set_point(settings, tank, spring, motion, tool, output):
-    """Set position after the tool's samples, as far as slew and tank allow (set_position, 2)."""
-    energy_tank.take_returned(settings, tank, tool)
+def wish(settings, state, tool, output):
+    """Fills in the output's set position and its velocity."""
+    motion, coupling, direct = state.motion, state.coupling, settings.exchange.method == exchange_samples.DIRECT
     for i in range(int(settings.axes)):
-        spring.goal[i] = _predicted(settings, motion, tool, i)
-    energy_tank.pay(settings, tank, spring, motion, output.exchange_fade)
-    worst = damped = 0.0
-    for i in range(int(settings.axes)):
+        row, slew = state.rows[i], settings.exchange.slew[i]
+        held = row.weight > 0.0 and row.stiffness > 0.0
+        reach = slew * settings.period / (row.weight * row.stiffness) if held else math.inf
+        goal = tool.position[i] if direct else _predicted(settings, motion, tool, i)
+        moved = settings.hardware.scale[i] * motion.moved[i]
+        place = set_position.slewed(row.offset, goal, moved, reach)
+        own = (place - row.offset) / settings.period
         # never faster than the tool is said to be, nor than the set position really moves
         most, least = max(0.0, tool.velocity[i]), min(0.0, tool.velocity[i])
-        wanted, damping = min(most, max(least, spring.own_velocity[i])), spring.factor * settings.coupling.damping[i]
+        velocity = tool.velocity[i] if direct else min(most, max(least, own))
+        damping = row.weight * row.damping
         # the damper pulls after it within its own share of the slew
-        slew = settings.exchange.slew[i]
-        velocity = set_position.slewed_velocity(spring.set_velocity[i], wanted, damping, slew, settings.period)
-        spring.set_velocity[i] = velocity
-        worst += energy_tank.worst_draw(settings, tank, i, damping * velocity)
-        damped += energy_tank.damped_draw(settings, tank, i, damping * velocity)
-    share = set_position.damper_share(tank.level - energy_tank.reserve(settings, tank, spring), worst, damped)
-    for i in range(int(settings.axes)):
-        if share < 1.0:
-            unpaid = (1.0 - share) * spring.factor * settings.coupling.damping[i] * spring.set_velocity[i]
-            energy_tank.note_unpaid(settings, tank, i, unpaid)
-        spring.set_velocity[i] *= share
-        output.coupling_position[i], output.coupling_velocity[i] = spring.set_position[i], spring.set_velocity[i]
-    # what is over is the simulation's to use: it comes back at most once
-    if tank.level > settings.exchange.tank:
-        tank.shipped += tank.level - settings.exchange.tank
-        tank.level = settings.exchange.tank
-    output.exchange_energy = tank.shipped
+        velocity = set_position.slewed_velocity(coupling.set_velocity[i], velocity, damping, slew, settings.period)
+        output.coupling_position[i], output.coupling_velocity[i] = place, velocity
 
 
 @njit

@@ -30,7 +30,6 @@ FINITE = {
     "force_walls": "force of the walls",
     "force_coupling": "force of the coupling",
     "force_cancellation": "force of the damping compensation",
-    "force_passivity": "force of the passivity controller",
 }
 SUM = tuple(FINITE)[2:]
 

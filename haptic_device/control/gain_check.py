@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether the device's own damping covers all gains together, and what is left of it."""
 
-import functools
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.control import passivity, velocity_estimator
+from haptic_device.control import account, actuation_delay, damping_compensation, passivity, rows
+from haptic_device.control.records import ACCOUNT
 from haptic_device.digits import apart, plain
 
 WHOLE = 100.0  # N/m, N m/rad from which on an allowed stiffness is a whole number
@@ -19,8 +19,8 @@ class Judgement(NamedTuple):
     """Of one set of gains where forces act `lateness` [s] late: what the device's damping has left over, and a refusal.
 
     margins: of each axis; surplus: of each axis, what no standing spring or damper needs [N s/m, N s/m, N m s/rad];
-    plane, theta: in the worst direction of x and y [N s/m], and about theta [N m s/rad]; sentence: why these gains are
-    refused, "" where plane and theta are above 0.
+    plane, theta: the less of x and y [N s/m], and about theta [N m s/rad]; friction: beyond what covers the encoder's
+    step [N | N m]; sentence: why these gains are refused, "" where plane and theta are above 0.
     """
 
     lateness: float
@@ -28,6 +28,7 @@ class Judgement(NamedTuple):
     surplus: np.ndarray
     plane: float
     theta: float
+    friction: np.ndarray
     sentence: str
 
     def into(self, settings):
@@ -39,7 +40,7 @@ def judge(settings, lateness):
     """The one Judgement of gains where forces act this late [s]; settings: one record of `settings_unjudged`."""
     by_axis, plane, theta = margins(settings, lateness)
     sentence = "" if np.min((plane, theta)) > 0.0 else next(_reasons(settings, lateness))
-    return Judgement(lateness, by_axis, surplus(settings, lateness), plane, theta, sentence)
+    return Judgement(lateness, by_axis, surplus(settings, lateness), plane, theta, friction_left(settings), sentence)
 
 
 def delays(settings):
@@ -50,6 +51,11 @@ def delays(settings):
     return float(settings["hardware"]["delay"] + settings["hardware"]["stamp_error"])
 
 
+def least_lateness(settings):
+    """How late forces act at least [s]: the device's own delays, less the error of its stamps."""
+    return max(0.0, float(settings["hardware"]["delay"] - settings["hardware"]["stamp_error"]))
+
+
 def counted(settings, lateness):
     """As Judgement.into, for gains that nobody is to be told of."""
     return _count(settings, lateness, margins(settings[0], lateness)[0], surplus(settings[0], lateness))
@@ -58,29 +64,83 @@ def counted(settings, lateness):
 def _count(settings, lateness, by_axis, surplus):
     known = settings["passivity"]
     known["lateness"], known["margin"][0], known["surplus"][0] = lateness, by_axis, surplus
+    settings["port"][0] = _port(settings[0], lateness)[0]
     return settings
 
 
+def _port(settings, lateness):
+    """`port` of these settings where forces act up to `lateness` [s] late, as an array of one record."""
+    return _judged(settings, lateness)[0]
+
+
+def _left(settings, lateness):
+    """Damping left over outside of walls and inside, (2, 3) [N s/m, N s/m, N m s/rad], at the device."""
+    return _judged(settings, lateness)[1]
+
+
+def _judged(settings, lateness):
+    """`port` and what is left of the damping by it, with the weights of K and B that leave most (passivity.weights)."""
+    tables, least, period = _tables(settings), min(least_lateness(settings), lateness), float(settings["period"])
+    has, damping = slice(int(settings["axes"])), settings["hardware"]["damping"]
+    most, found = -np.inf, None
+    for ratio in sorted({_ratio(table, period) for table in tables}):
+        port = np.array([settings["port"]]).view(np.recarray)
+        actuation_delay.set_lateness(port[0], least, lateness, period, ratio)
+        left = _by_table(settings, port[0], tables)
+        share = float(np.min(left[:, has] / damping[has]))
+        if found is None or share > most:
+            most, found = share, (port, left)
+    return found
+
+
+def _ratio(table, period):
+    """Of |B| to T K, of all rows of a table that pull in the plane."""
+    plane = table[np.any(table["normal"][:, :2] != 0.0, axis=1)]
+    stiffness, damping = plane["stiffness"].sum(), np.abs(plane["damping"]).sum()
+    return float(damping / (period * stiffness)) if stiffness > 0.0 else 1e9
+
+
+def _by_table(settings, port, tables):
+    known, left = np.zeros(1, ACCOUNT).view(np.recarray), np.zeros((2, 3))
+    measured = settings["cancellation"]["source"] == damping_compensation.MEASURED
+    for i, table in enumerate(tables):
+        # what is measured of the drag pays for itself, b or not
+        known["damping"] = port.damping * (1.0 - settings["cancellation"]["ratio"] * (measured and i == 0))
+        account.needs(port, table.view(np.recarray), table.size, known[0])
+        left[i] = known[0].left * settings["hardware"]["scale"] ** 2
+    return left
+
+
+def _tables(settings):
+    """The rows that are in force together: outside of walls, where damping is cancelled, and inside."""
+    both, axes, gains = np.zeros((2, rows.MOST), rows.ROW), int(settings["axes"]), settings["coupling"]
+    for i in range(axes):
+        coupling, cancelled = both[:, rows.COUPLING + i], both[0, rows.CANCELLATION + i]
+        coupling["normal"][:, i], coupling["weight"] = 1.0, 1.0
+        coupling["stiffness"], coupling["damping"] = gains["stiffness"][i], gains["damping"][i]
+        if settings["cancellation"]["source"] == damping_compensation.MODEL:
+            cancelled["normal"][i], cancelled["weight"] = 1.0, 1.0
+            cancelled["damping"] = -settings["cancellation"]["ratio"] * settings["port"]["damping"][i]
+    wall, count = settings["wall"], int(settings["wall"]["count"])
+    walls = both[1, rows.WALLS : rows.WALLS + count]
+    walls["normal"][:, 0], walls["normal"][:, 1], walls["weight"] = wall["x"][:count], wall["y"][:count], 1.0
+    walls["stiffness"], walls["damping"] = wall["stiffness"][:count], wall["damping"][:count]
+    return both
+
+
 def surplus(settings, lateness):
-    """Damping [N s/m | N m s/rad] of each axis that no standing spring or damper needs, by Gershgorin's bound."""
-    worst = np.array(settings["hardware"]["damping"], float)
-    # what a coupling needs beyond a wall is for what late forces give: the tank sets that aside (control/energy_tank)
-    for need in _needs(settings, lateness, passivity.least_damping):
-        left = np.diag(settings["hardware"]["damping"]) - need
-        crossed = np.sum(np.abs(left), axis=1) - np.abs(np.diag(left))
-        worst = np.minimum(worst, np.diag(left) - crossed)
-    return np.maximum(0.0, worst)
+    """Damping [N s/m | N m s/rad] of each axis that no standing spring or damper needs."""
+    return np.maximum(0.0, _left(settings, lateness).min(axis=0)) * (np.arange(3) < int(settings["axes"]))
 
 
 def margins(settings, lateness):
-    """Physical damping beyond the need: for each axis, in the worst direction of x and y, and about theta.
+    """Physical damping beyond the need: for each axis, the less of x and y, and about theta.
 
     The first result is an array (3) [N s/m, N s/m, N m s/rad]; the other two are numbers [N s/m] and [N m s/rad]. The
     gains are passive if these two are above 0.
 
-    From the physical damping diag(b) the function subtracts the need of each wall and of the coupling along their
-    directions, times scale² (control/passivity). It does this outside of walls and inside, where no damping is
-    cancelled, and returns the smaller results.
+    From the physical damping the function subtracts the need of all walls and of the coupling (control/account), times
+    scale². It does this outside of walls and inside, where no damping is cancelled, and returns the smaller results.
 
     Args:
         settings: one record of SETTINGS (control/records).
@@ -98,83 +158,29 @@ def margins(settings, lateness):
         >>> round(plane, 9)  # b - KT/2 - B
         0.75
     """
-    left = [np.diag(settings["hardware"]["damping"]) - need for need in _needs(settings, lateness)]
     axes = int(settings["axes"])
-    by_axis = np.min([np.diag(each) for each in left], axis=0) * (np.arange(3) < axes)
-    plane = min(float(np.linalg.eigvalsh(each[: min(2, axes), : min(2, axes)])[0]) for each in left)
-    return by_axis, plane, float(by_axis[2]) if axes == 3 else math.inf
+    by_axis = _left(settings, lateness).min(axis=0) * (np.arange(3) < axes)
+    return by_axis, float(by_axis[: min(2, axes)].min()), float(by_axis[2]) if axes == 3 else math.inf
+
+
+def friction_left(settings):
+    """Coulomb friction [N | N m] of each axis beyond what covers the encoder's step, (3), at the device.
+
+    A spring and a damper that stay give nothing at an edge of the step where 2 f_c ≥ (K + 2|B|/T) Δ (Abbott and Okamura
+    2005). Nothing is refused for it: what they can give is some µW.
+    """
+    period, step = float(settings["period"]), settings["port"]["step"]
+    needs = np.zeros((2, 3))
+    for need, table in zip(needs, _tables(settings), strict=True):
+        normal = np.abs(table["normal"])
+        noise = (0.5 * table["stiffness"] + np.abs(table["damping"]) / period) * (normal @ step)
+        need += (normal * noise[:, None]).sum(axis=0)
+    return settings["hardware"]["friction"] - settings["hardware"]["scale"] * needs.max(axis=0)
 
 
 def softer(wished, known, lateness):
-    """Whether gains need no more damping than the known ones in any direction, outside of walls and inside."""
-    pairs = zip(_needs(wished, lateness), _needs(known, lateness), strict=True)
-    return all(np.linalg.eigvalsh(old - new)[0] >= -1e-9 for new, old in pairs)
-
-
-def _needs(settings, lateness, coupling=passivity.coupling_damping):
-    """Damping that all gains together need, as matrices over x, y, theta: outside of walls, and inside.
-
-    coupling: what a coupling needs; passivity.least_damping for one whose set position stands still.
-    """
-    outside, inside = np.zeros((2, 3, 3))
-    period, scale, switched = float(settings["period"]), settings["hardware"]["scale"], _switched(settings)
-    for i in range(int(settings["axes"])):
-        for need, damping in (
-            (outside, _coupling_damping(settings, i)),
-            (inside, abs(settings["coupling"]["damping"][i])),
-        ):
-            stiffness = settings["coupling"]["stiffness"][i]
-            need[i, i] = scale[i] ** 2 * coupling(stiffness, damping * switched, period, lateness)
-        alone = passivity.least_damping(0.0, _cancelled(settings, i) * switched, period, lateness)  # with no tool
-        outside[i, i] = max(outside[i, i], scale[i] ** 2 * alone)
-    for j in range(int(settings["wall"]["count"])):
-        normal = scale * (settings["wall"]["x"][j], settings["wall"]["y"][j], 0.0)
-        stiffness, damping = settings["wall"]["stiffness"][j], settings["wall"]["damping"][j] * switched
-        need = passivity.least_damping(stiffness, damping, period, lateness)
-        inside += np.outer(normal, normal) * need * _switch_price(settings, normal, lateness)
-    return outside, inside
-
-
-def _switch_price(settings, normal, lateness):
-    """How many times its damping a wall needs because cancellation ends at it (docs/theory/passivity.md).
-
-    Nothing is paid where the band is no narrower than the handle's longest way towards the wall in one tick.
-    """
-    travel = float(np.abs(normal) @ settings["hardware"]["velocity_limit"]) * (float(settings["period"]) + lateness)
-    if settings["cancellation"]["band"] >= travel:
-        return 1.0
-    return 2.0 / (1.0 + math.sqrt(1.0 - float(settings["cancellation"]["ratio"]) ** 2))
-
-
-def _coupling_damping(settings, axis):
-    """Damping that counts for the coupling, held while damping cancellation is still on, perhaps."""
-    damping = settings["coupling"]["damping"][axis]
-    return max(abs(damping), abs(damping - _cancelled(settings, axis)))
-
-
-def _cancelled(settings, axis):
-    """Damping that cancellation takes away, at the world's handle [N s/m | N m s/rad]."""
-    return (
-        settings["cancellation"]["ratio"]
-        * settings["hardware"]["damping"][axis]
-        / settings["hardware"]["scale"][axis] ** 2
-    )
-
-
-def _switched(settings):
-    """What the estimator of velocity makes of a damper."""
-    windows = (
-        settings["velocity"]["estimator"] == velocity_estimator.ADAPTIVE_WINDOW and settings["velocity"]["window"] > 1.0
-    )
-    return velocity_estimator.SWITCHED if windows else 1.0
-
-
-def cross(settings):
-    """λ with which the observer shares the cross term of oblique walls between x and y (control/passivity_observer)."""
-    left = settings["hardware"]["damping"] - np.diag(_needs(settings, 0.0)[1])
-    if int(settings["axes"]) < 2 or left[0] <= 0.0 or left[1] <= 0.0:
-        return 1.0
-    return float(np.sqrt(left[0] / left[1]))
+    """Whether gains need no more damping than the known ones on any axis, outside of walls and inside."""
+    return bool(np.all(_left(wished, lateness) - _left(known, lateness) >= -1e-9))
 
 
 def refusal(settings, lateness=0.0):
@@ -246,27 +252,27 @@ def most_lateness(settings, beyond):
 
 def _blames(settings, lateness, other=None):
     """A sentence for each wall and each axis of the coupling that alone needs more than there is."""
-    late, walls, coupling, hardware = (lateness, other), settings["wall"], settings["coupling"], settings["hardware"]
+    late, walls, coupling, ratio = (lateness, other), settings["wall"], settings["coupling"], settings["cancellation"]
     for j in range(int(walls["count"])):
-        normal = hardware["scale"] * (walls["x"][j], walls["y"][j], 0.0)
-        has = slice(int(settings["axes"]))  # a normal may lean by rounding towards an axis that is not there
-        there = 1.0 / np.sum(normal[has] ** 2 / hardware["damping"][has])
-        gains, which = (walls["stiffness"][j], walls["damping"][j]), f" of wall {j}" if walls["count"] > 1 else ""
-        told = f"wall.stiffness {gains[0]:.6g} N/m{which} with damping {gains[1]:.4g} N s/m"
-        price = functools.partial(_switch_price, settings, normal)
-        coupled = functools.partial(_most_of_walls, settings, j)
-        yield _blame(told, "N/m", passivity.least_damping, *gains, there, settings, late, price, coupled)
+        which = f" of wall {j}" if walls["count"] > 1 else ""
+        told = f"wall.stiffness {walls['stiffness'][j]:.6g} N/m{which} with damping {walls['damping'][j]:.4g} N s/m"
+        yield _blame(told, "N/m", settings, "wall", j, late)
     for i in range(int(settings["axes"])):
-        there = hardware["damping"][i] / hardware["scale"][i] ** 2
         yield _blame_cancellation(settings, i, lateness)
-        stiffness, damping, counted = coupling["stiffness"][i], coupling["damping"][i], _coupling_damping(settings, i)
+        stiffness, damping = coupling["stiffness"][i], coupling["damping"][i]
         if stiffness <= 0.0 and damping <= 0.0:
             continue
         name, unit = ("coupling.rotational_", "N m/rad") if i == 2 else ("coupling.", "N/m")
         told = f"{name}stiffness {stiffness:.6g} {unit} with {name}damping {damping:.4g} {_of_damping(unit)}"
-        if counted > abs(damping):
-            told += f" and cancellation.ratio {settings['cancellation']['ratio']:g}"
-        yield _blame(told, unit, passivity.coupling_damping, stiffness, counted, there, settings, late)
+        if _cancelled(settings, i) > 0.0:
+            told += f" and cancellation.ratio {ratio['ratio']:g}"
+        yield _blame(told, unit, settings, "coupling", i, late)
+
+
+def _cancelled(settings, axis):
+    """Damping that the model's cancellation takes away, at the world's handle [N s/m | N m s/rad]."""
+    acts = settings["cancellation"]["source"] == damping_compensation.MODEL
+    return settings["cancellation"]["ratio"] * settings["port"]["damping"][axis] if acts else 0.0
 
 
 def _of_damping(unit):
@@ -274,24 +280,64 @@ def _of_damping(unit):
     return unit.replace("/", " s/")
 
 
-def _most_of_walls(settings, wall, lateness):
-    """Stiffness [N/m] below which this wall, without the others, is covered together with the coupling; 0: none."""
-    kept = np.zeros(len(settings["wall"]["stiffness"]))
-    kept[wall] = settings["wall"]["stiffness"][wall]
+def _alone(settings, part, place, coupled=False):
+    """The same settings with one wall, or one axis of the coupling; coupled: and with the whole coupling."""
     alone = settings.copy()
-    alone["wall"]["stiffness"], alone["wall"]["damping"][kept == 0.0] = kept, 0.0
-    return _most(alone, "wall", slice(None), lateness)
+    for other in ("wall", "coupling"):
+        keep = np.zeros(len(alone[other]["stiffness"]), bool)
+        keep[place if other == part else slice(None)] = other == part or coupled
+        alone[other]["stiffness"][~keep] = alone[other]["damping"][~keep] = 0.0
+    return alone
+
+
+def _blame(told, unit, settings, part, place, late):
+    """Why one wall, or one axis of the coupling, needs more than there is, beside cancellation.
+
+    told: its gains, in words; unit: of the stiffness; late: the lateness, and another for which it is said too what is
+    allowed, or None.
+    """
+    (lateness, other), alone = late, _alone(settings, part, place)
+    damping, axes = settings["hardware"]["damping"], int(settings["axes"])
+    left = _left(alone, lateness).min(axis=0)[:axes]
+    where = place if part == "coupling" else int(np.argmin(left[:2] / damping[: min(2, axes)]))
+    if left[where] > 0.0:
+        return ""
+    scale = settings["hardware"]["scale"][where] ** 2
+
+    def most(tried, late):
+        """Stiffness below which there is enough, up to the most that any lateness allows."""
+        tried = tried.copy()
+
+        def fits(stiffness):
+            tried[part]["stiffness"][place] = stiffness
+            return _left(tried, late).min(axis=0)[where] > 0.0
+
+        return _cut(_largest(fits, 2.0 * damping[where] / (scale * float(settings["period"]))))
+
+    def allowed(late):
+        limit = most(alone, late)
+        coupled = part == "wall" and np.any(settings["coupling"]["stiffness"] + settings["coupling"]["damping"] > 0.0)
+        beside = most(_alone(settings, part, place, True), late) if coupled else math.inf
+        with_coupling = f" ({plain(beside, unit)} with this coupling)" if 0.0 < beside < limit else ""
+        return f"under {plain(limit, unit)}{with_coupling}" if limit > 0.0 else "at no stiffness"
+
+    lacking, has = apart((damping[where] - left[where]) / scale, damping[where] / scale)
+    late = f", {lateness * 1e3:.3g} ms late" if lateness > 0.0 else ""
+    return (
+        f"{told} needs b > {lacking} {_of_damping(unit)} at T = {float(settings['period']) * 1e3:.4g} ms{late}; "
+        f"the device has {has}: allowed {allowed(lateness)}{_elsewhere(lateness, other, allowed)}"
+    )
 
 
 def _most(settings, part, places, lateness):
     """Stiffness [N/m] to which those of a part are to be cut so that x and y have damping left over; 0: none."""
     tried, given = settings.copy(), settings[part]["stiffness"].copy()
-    low, high = 0.0, float(given[places].max(initial=0.0))
-    while high - low > JOINTLY:
-        middle = 0.5 * (low + high)
+
+    def fits(middle):
         tried[part]["stiffness"][places] = np.minimum(given, middle)[places]
-        low, high = (middle, high) if margins(tried, lateness)[1] > 0.0 else (low, middle)
-    return high if low > 0.0 else 0.0
+        return margins(tried, lateness)[1] > 0.0
+
+    return _largest(fits, float(given[places].max(initial=0.0)))
 
 
 def _cut(limit):
@@ -299,32 +345,13 @@ def _cut(limit):
     return math.floor(limit) if limit >= WHOLE else math.floor(1e2 * limit) / 1e2
 
 
-def _blame(told, unit, needed, stiffness, damping, there, settings, late, priced=lambda lateness: 1.0, coupled=None):
-    """told: the gains, in words; unit: of the stiffness; needed: of a wall or a coupling; damping: what counts; late:
-    the lateness, and another for which it is said too what is allowed, or None; coupled: the stiffness that is allowed
-    together with the coupling, at a lateness.
-    """
-    (lateness, other), period, counted = late, float(settings["period"]), damping * _switched(settings)
-    price = priced(lateness)
-    need = price * needed(stiffness, counted, period, lateness)
-    if need < there:
-        return ""
-
-    def allowed(late):
-        left = max(0.0, there / priced(late) - needed(0.0, counted, period, late))
-        limit = left / needed(1.0, 0.0, period, late)
-        limit, beside = _cut(limit), _cut(coupled(late)) if coupled else math.inf
-        with_coupling = f" ({plain(beside, unit)} with this coupling)" if 0.0 < beside < limit else ""
-        return f"under {plain(limit, unit)}{with_coupling}" if limit > 0.0 else "at no stiffness"
-
-    twice = " (twice, for adaptive_window)" if counted > damping else ""
-    lacking, has = apart(need, there)
-    late = f", {lateness * 1e3:.3g} ms late" if lateness > 0.0 else ""
-    late += ", cancellation.band being narrower than a tick's travel" if price > 1.0 else ""
-    return (
-        f"{told}{twice} needs b > {lacking} {_of_damping(unit)} at T = {period * 1e3:.4g} ms{late}; "
-        f"the device has {has}: allowed {allowed(lateness)}{_elsewhere(lateness, other, allowed)}"
-    )
+def _largest(fits, high):
+    """Stiffness up to `high` below which it fits; 0: none does."""
+    low = 0.0
+    while high - low > JOINTLY:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if fits(middle) else (low, middle)
+    return high if low > 0.0 else 0.0
 
 
 def _elsewhere(lateness, other, allowed):
@@ -338,17 +365,16 @@ def _elsewhere(lateness, other, allowed):
 
 def _blame_cancellation(settings, axis, lateness):
     """The sentence where nothing but the damping cancelled in free space needs more than there is."""
-    ratio, b = float(settings["cancellation"]["ratio"]), float(settings["hardware"]["damping"][axis])
-    counted = ratio * b * _switched(settings)
-    need = passivity.least_damping(0.0, counted, float(settings["period"]), lateness)
+    ratio, b = float(settings["cancellation"]["ratio"]), float(settings["port"]["damping"][axis])
+    counted, scale = _cancelled(settings, axis), float(settings["hardware"]["scale"][axis])
+    need = passivity.least_damping(0.0, counted, float(settings["period"]), lateness, least_lateness(settings))
     if need < b:
         return ""
     unit = "N m s/rad" if axis == 2 else "N s/m"
-    twice = " (twice, for adaptive_window)" if counted > ratio * b else ""
-    needed, has = apart(need, b)
+    needed, has = apart(need * scale**2, b * scale**2)
     late = f", {lateness * 1e3:.3g} ms late" if lateness > 0.0 else ""
     return (
-        f"cancellation.ratio {ratio:g}{twice} needs b > {needed} {unit}{late}; "
+        f"cancellation.ratio {ratio:g} needs b > {needed} {unit}{late}; "
         f"the device has {has}: at most {math.floor(1e3 * ratio * b / need) / 1e3:g}"
     )
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from haptic_device.config.parameters import KEPT, MOST_WALLS
 from haptic_device.control import contact_model, contact_solver
+from haptic_device.control.rows import AXES, MOST, ROW
 
-AXES = 3  # x, y, theta; a device with fewer leaves the rest at zero
 HELD = 64  # motor values that may be on their way at a time
 PUSHES = 64  # ticks for which the virtual tool's pushes against movable bodies are remembered
 _WIDTHS = {"*": (AXES,), "#": (MOST_WALLS,), "^": (KEPT,)}
@@ -32,13 +32,14 @@ TOOL_SAMPLE = record(  # the simulation's newest answer; contact_*: the set of l
 )
 OUTPUT = record(
     "position* velocity* coupling_position* coupling_velocity*"  # of the handle, and what the coupling pulls to
-    " force_walls* force_coupling* force_cancellation* force_passivity* force_gravity*"
+    " force_walls* force_coupling* force_cancellation* force_gravity*"
     " force_on_handle* motor*"  # the sum as the motor holds it, at the device; and in motor units
     " engage exchange_fade cancellation_fade exchange_energy energy_given*"
     " exchange_effort* exchange_tank exchange_shortened exchange_released"  # next handle sample's; [J]; ticks
     " local local_fallbacks local_stays local_pivots tools_apart"  # acting; counts; of this tick; [m]
-    " generated* injected* injections"  # observer [J], controller [N s/m], ticks it acted
-    " margin* surplus* lateness_counted"  # of the physical damping [N s/m]; how late forces are taken to act [s]
+    " stored promised"  # by the springs; by what is on its way (account: S, Φ) [J]
+    # of the damping [N s/m]; how late forces are taken to act [s], and |B| over T K that their weights are best for
+    " margin* surplus* lateness_least lateness_counted lateness_ratio"
     " state fault thermal_load* withheld"  # withheld: sum of bits (control/withheld)
 )
 TICK = np.dtype((np.record, [("sensors", SENSORS), ("tool", TOOL_SAMPLE), ("output", OUTPUT)]))
@@ -58,7 +59,7 @@ SETTINGS = np.dtype(
         (
             "hardware",
             record(
-                "position_per_count* zero* scale* motor_per_force* motor_limit* gravity* damping*"
+                "position_per_count* zero* scale* motor_per_force* motor_limit* gravity* damping* friction*"
                 " position_low* position_high* velocity_limit* delay stamp_error"  # stamp_error: counted beside delay
             ),
         ),
@@ -67,7 +68,13 @@ SETTINGS = np.dtype(
         ("wall", record("count x# y# offset# stiffness# damping#")),
         ("cancellation", record("ratio band stretch twist source filter")),
         ("velocity", record("estimator lag window")),
-        ("passivity", record("policy control budget lateness margin* surplus* cross")),
+        ("passivity", record("policy control lateness margin* surplus*")),
+        # in the world: the device's damping, fastest speed and encoder step of each axis; what of the account is told
+        # of the lateness (actuation_delay.set_lateness)
+        (
+            "port",
+            record("damping* fastest* step* slew* period least most ratio whole holds", layers=(3, 4), needs=(4,)),
+        ),
         ("exchange", record("method budget tank horizon slew* agility* hold fade")),
         ("local", record("compliance apart hold rejoin")),
         ("engage", record("time force torque")),
@@ -87,6 +94,26 @@ CONTACTS = record(
     pushes=(contact_model.MOST, PUSHES),
     shifts=(contact_model.MOST, PUSHES),
 )
+ACCOUNT = record(
+    # control/account [J]: free; stored (S), late (Φ) as sent, store, value (V) as weighed; deposit, sure, planned:
+    # least of Φ, of its part in this hold, and that part; given: what the hand was given at most; energy_given: the
+    # same by axis, as motion shows it. filled, unseen: 1 once it has begun, after old counts; overdue: holds for which
+    # a late write counts; still: ticks without force; counted_*: the lateness of the last hold; sign: of the encoder's
+    # step in V; short: of the coupling's force, over engage.force | engage.torque, where unpaid; least: of `needs`. By
+    # axis: way, velocity of the hold; at the sample: spring, damper, was (sent before), own (by the handle's motion),
+    # asked (wished), force (sent); damping that counts, left, T K (stiff), |B| (damp), more and lacks in a long hold;
+    # what the encoder hides (blur, blur_now, blur_kept for blur_age ticks); beside, spring_before: of (2) at its ends;
+    # followed, from_start: places with play and without. Of the window, which began `window` holds, `time` [s] and
+    # `error` [ns] ago: gone, worst, fast, hazy (ways), earn, lossy (dampings), dim (blur), earned, single, lost.
+    # shares: of the damping, as sent.
+    "filled free value store share unpaid counted_ratio late least stored deposit sure planned sign still"
+    " shortened short unseen overdue counted_least counted_most window time error given damping* way* velocity*"
+    " spring* damper* was* own* asked* force* left* stiff* damp* blur* blur_now* blur_kept* blur_age* gone* worst*"
+    " earned* lost* earn* dim* fast* beside* spring_before* energy_given* followed* from_start* more* lacks* hazy*"
+    " single* lossy* one_worst*",
+    shares=(HELD,),
+    sent=(HELD, AXES),
+)
 STATE = np.dtype(
     [
         # sensing: device units but for handle*, which is in the world. Of this tick: handle_before; time since the last
@@ -100,65 +127,30 @@ STATE = np.dtype(
         ),
         ("samples", record("count times^ errors^ x^ y^ theta^")),
         ("compensation", record("drag*")),  # damping_compensation
-        # motor: what was held since the last sample, and by how much and how long it was not the first of it;
-        # wall_springs, wall_dampers, coupling_spring: wanted, in the world; clipped: what the limits leave out of the
-        # walls' springs; walls: what acts of all walls, both in the world; coupling: what acts of it, at the device;
-        # rest_share: of all other dampers, what acts; cancelling: share 0…1 of the damping that is cancelled;
-        # cancellation_force: what acts of it, at the device [N | N m], along the motion; written, acts: motor values on
-        # their way, and from when each acts [ns, as samples are stamped]
-        (
-            "hold",
-            record(
-                "deadline regained force* force_now* change* square* limited* newest newest_way"
-                " wall_springs* wall_dampers* coupling_spring* clipped* walls* coupling* rest_share*"
-                " cancellation_force* cancelling",
-                acts=(HELD,),
-                written=(HELD, AXES),
-                coupling_written=(HELD, AXES),
-                ways=(HELD, AXES),
-            ),
-        ),
-        ("walls", record("depth# release yielded touched")),  # virtual_wall; shares of them that are gone
-        (
-            "observer",  # passivity_observer
-            record(
-                "energy_given* pulled_to* coupled cancelled* damping_credit growth* damper* store* observed_energy*"
-                " injections missed_tick_energy springs* by_settings* paid*"
-            ),
-        ),
+        # motor: limit: of all force in the world, on its way to the one set; limited: whether it cut; acts: from when
+        # each force of account.sent acts [ns, as samples are stamped]
+        ("hold", record("deadline newest limit* limited*", acts=(HELD,))),
+        # wishes; yielded: share of a row that it has let go of at a limit, and what that paid [J]
+        ("walls", record("depth# paid", yielded=(MOST,), whole=(MOST,))),
+        ("account", ACCOUNT),
+        ("rows", ROW, (MOST,)),  # in force
+        ("wished", ROW, (MOST,)),
+        ("trial", ROW, (MOST,)),
+        ("exchange", record("shipped returned tool_session tool_energy")),  # energies between the sides [J]
+        # wishes; going: 1 while a setting in force is not the one that is wished for; walls: rows of them in force;
+        # share: of their way in this tick, and of cancellation
+        ("change", record("version going walls share")),
         ("enable", record("state ramp ramp_before")),  # enable_state
-        ("in_force", SETTINGS),  # bumpless_transfer
-        ("change", record("going")),  # how many settings in force are not yet those that are wished for
         ("fault", record("code resets saturated thermal_load*")),  # faults, motor
         ("fade", record("factor released apart")),  # exchange_controller; apart: nothing was felt since forces are on
-        # the coupling's spring as the energy tank has paid for it; factor: on its force; force, push, damped: as they
-        # were in the last tick, B times the set position's velocity and the handle's [N | N m]; changed: by it;
-        # prepaid: for changes that still act late [J]; parted: 1 where it was released within the hold; slack: ticks
-        # for which nothing of it has pulled
-        (
-            "spring",
-            record(
-                "factor factor_held stiffness* limit* push* damped* set_position* set_velocity* own_velocity* goal*"
-                " stretch* force* changed* prepaid* parted slack"
-            ),
-        ),
-        (
-            # energy_tank; short: force that it did not pay for in this tick, over engage.force | engage.torque; own:
-            # the coupling's share of the physical damping [N s/m | N m s/rad]; given: what the coupling has given to
-            # the hand at most [J], negative where the hand has lost; followed: place of the handle at the device, with
-            # half an encoder step of play [m | rad]
-            "tank",
-            record(
-                "filled version level owed shipped returned tool_session tool_energy shortened"
-                " short lateness left* price* surplus* own* given followed*"
-                " midpoint* window_from* window_start window_error window_holds counted* sample_before hold_before"
-            ),
-        ),
+        ("coupling", record("set_velocity*")),  # exchange_controller: at which the set position went
         (
             "virtual_tool",
             np.dtype(
                 [
-                    *record("acting well fallbacks stays unsolved pivots pose* velocity* mass* right* trial*").descr,
+                    *record(
+                        "acting well fallbacks stays unsolved pivots spare pose* velocity* mass* right* trial*"
+                    ).descr,
                     ("system", "f8", (3, 4)),
                     ("contacts", CONTACTS),
                 ]

@@ -5,9 +5,6 @@ from haptic_device.config.parameters import KEPT
 from haptic_device.jit import kernel, njit
 
 BACKWARD_DIFFERENCE, LOWPASS, ADAPTIVE_WINDOW = range(3)
-SWITCHED = 2.0
-"""Times |B| that a damper may need whose velocity comes from windows of any lengths: |v̂| is at most the largest mean of
-the last steps, and the l² norm of that maximum is at most twice that of the steps (Hardy and Littlewood 1930)."""
 
 
 @njit

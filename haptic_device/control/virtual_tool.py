@@ -9,40 +9,34 @@ tick (Colgate, Stanley & Brown 1995, section 4: both sides synchronous):
 
 x handle; the contacts as control/tool_contacts has them, solved by control/contact_solver.
 
-**Energy.** The servo's tank E (control/set_position) books exactly what the hand has paid whenever the set position y,
-here q, and its velocity w, here v, move, whatever moves them. The copy's kinetic energy is a claim on it. With
-fixed contacts
+**Energy.** A move of the copy is one of the coupling's rows: of their offsets by T v⁺, of their rates to v⁺. The
+account (control/account) pays V' − V, and the copy's kinetic energy is a claim on what is left. So it is made while
 
-    Σ over the ticks of Δ(E − ½ v·M v) ≥ Σ (b − c) Δx²/T + B T (w − a/2T)² + ½ K T² w² + ½ Δv·M Δv + friction ≥ 0,
+    free − (V' − V) − ½ v⁺·M v⁺ ≥ 0,                                                                            (3)
 
-a = Δx_k + Δx_{k+1}: what is left, E − ½ v·M v, only grows. A contact that moves, appears or vanishes makes it grow or
-shrink by the work that it does on the copy. So a move is made only while
-
-    E − ½ v⁺·M v⁺ − (what half an encoder step may hide) − (what the damper's worst hold may draw) ≥ 0,            (3)
-
-else the copy stays where it is for this tick, v⁺ = 0, which takes nothing. Energy given stays within the budget for any
-sequence of messages. The same is the answer where pivoting found none.
+else as much of it as is paid: a share of the way, and of the velocity, to what contacts allow is allowed by them too.
+Energy given stays within the budget for any sequence of messages. Where pivoting found none the copy stays.
 """
 
 import math
 
-from haptic_device.control import contact_solver, energy_tank, tool_contacts, virtual_coupling
+from haptic_device.control import contact_solver, tool_contacts
 from haptic_device.control.records import AXES
 from haptic_device.jit import kernel, njit
 
 LOCKED = 1e9  # mass of an axis that the device lacks
 AWAY, ACTING = 0.0, 1.0
-STAYED = 1.0  # as tank.short has it: what a copy that stays withholds no force says
+STAYED = 1.0  # as account.short has it: what a copy that stays withholds no force says
 
 
 @kernel
-def acts(settings, own, tank, spring, tool):
+def acts(settings, state, tool):
     """Whether the servo's own tool is to be used in this tick; counts when it no longer is."""
-    well = spring.factor >= 1.0 and own.contacts.number > 0.0 and tool.age >= 0.0
-    well = well and _is_near(settings, own, tank, spring, tool)
+    own, whole = state.virtual_tool, state.enable.ramp * state.fade.factor >= 1.0
+    well = whole and own.contacts.number > 0.0 and tool.age >= 0.0 and _is_near(settings, state, own, tool)
     own.well = own.well + settings.period if well else 0.0
     if own.acting == ACTING and not well:
-        own.fallbacks += 1.0 if spring.factor >= 1.0 else 0.0
+        own.fallbacks += 1.0 if whole else 0.0
         own.acting = AWAY
     if own.acting == AWAY and well and (own.well > settings.local.rejoin or own.fallbacks == 0.0):
         own.acting = ACTING
@@ -51,12 +45,12 @@ def acts(settings, own, tank, spring, tool):
 
 
 @njit
-def _is_near(settings, own, tank, spring, tool):
+def _is_near(settings, state, own, tool):
     """Whether the contacts are new enough, and both the copy and the simulation's tool where they were meant for."""
     if tool.contact_age > settings.local.hold:
         return False
     if own.acting == AWAY:
-        _begin(settings, own, tank, spring, tool)
+        _begin(settings, state, own, tool)
     contacts = own.contacts
     far_x = own.pose[0] - contacts.pose[0]
     far_y = own.pose[1] - contacts.pose[1]
@@ -74,78 +68,91 @@ def apart(settings, own, tool):
 
 
 @kernel
-def move_set_point(settings, own, tank, spring, motion, tool, output):
-    """One tick of the virtual tool: the coupling pulls to it."""
+def wish(settings, state, tool, output):
+    """One tick of the virtual tool: where the coupling shall pull to; `spare` is then what it needs of the account."""
+    own = state.virtual_tool
     contacts, age = own.contacts, tool.contact_age
-    energy_tank.take_returned(settings, tank, tool)
     if contacts.fresh > 0.0:
         tool_contacts.rebase(settings.period, contacts, age)
-    _effective_mass(settings, own, motion, output)
+    _effective_mass(settings, state, own, output)
     tool_contacts.see(settings, own, age)
-    found = _solve(settings, own, motion)
-    # (3), or it stays where it is, which costs nothing
-    if not found or not _pay_for_move(settings, own, tank, spring, motion):
-        own.stays += 1.0 if found else 0.0
-        own.unsolved += 0.0 if found else 1.0
-        tank.short = max(tank.short, STAYED) if found else tank.short
-        _stay(settings, own, tank, spring, motion, output)
-    else:
-        _go(settings, own, spring, motion)
-    tool_contacts.remember_pushes(settings.period, contacts)
-    _ship(settings, own, tank)
-    output.exchange_energy, output.tools_apart = tank.shipped, apart(settings, own, tool)
-    for i in range(int(settings.axes)):
-        output.coupling_position[i], output.coupling_velocity[i] = spring.set_position[i], spring.set_velocity[i]
+    found = _solve(settings, state, own)
+    own.unsolved += 0.0 if found else 1.0
+    for i in range(AXES):
+        if not found:
+            own.trial[i] = 0.0
+        if i < settings.axes:
+            output.coupling_position[i] = own.pose[i] + settings.period * own.trial[i]
+            output.coupling_velocity[i] = own.trial[i]
+    own.spare = kinetic(own.contacts, settings.axes, own.trial)
+
+
+@kernel
+def moved(settings, state, share):
+    """The copy goes by this share of its way; returns its kinetic energy [J]."""
+    own = state.virtual_tool
+    own.stays += 1.0 if share < 1.0 else 0.0
+    if share < 1.0:
+        state.account.short = max(state.account.short, STAYED)
+    for i in range(AXES):
+        own.velocity[i] = share * own.trial[i]
+        own.pose[i] = state.rows[i].offset if i < settings.axes else own.pose[i] + settings.period * own.velocity[i]
+    if share == 0.0:
+        tool_contacts.open_all(own.contacts)
+    tool_contacts.remember_pushes(settings.period, own.contacts)
+    return kinetic(own.contacts, settings.axes, own.velocity)
 
 
 @njit
-def _begin(settings, own, tank, spring, tool):
-    """The copy where the set position is, as fast as the simulation's tool if the tank covers that; no axis more."""
+def _begin(settings, state, own, tool):
+    """The copy where the set position is, as fast as the simulation's tool if the account covers that; no axis more."""
     for i in range(AXES):
         there = i < settings.axes
-        own.pose[i] = spring.set_position[i] if there else own.contacts.pose[i]
+        own.pose[i] = state.rows[i].offset if there else own.contacts.pose[i]
         own.velocity[i] = tool.velocity[i] if there else 0.0
-    if kinetic(own.contacts, settings.axes, own.velocity) > tank.level:
+    if kinetic(own.contacts, settings.axes, own.velocity) > state.account.free:
         own.velocity[:] = 0.0
 
 
 @njit
-def _effective_mass(settings, own, motion, output):
+def _effective_mass(settings, state, own, output):
     """A and r of (2) into own.mass, own.right."""
-    period, gains, contacts = settings.period, settings.coupling, own.contacts
+    period, motion, contacts = settings.period, state.motion, own.contacts
     for i in range(AXES):
         mass = contacts.inertia if i == 2 else contacts.mass
         # an axis that is not there cannot be moved
         own.mass[i] = mass if i < settings.axes else LOCKED
         own.right[i] = own.mass[i] * own.velocity[i]
         if i < settings.axes:
-            own.mass[i] += period * gains.damping[i] + period * period * gains.stiffness[i]
-            pull = gains.stiffness[i] * (motion.handle[i] - own.pose[i])
-            pull += gains.damping[i] * output.velocity[i] + mass * contacts.gravity[i]
+            row = state.rows[i]
+            own.mass[i] += period * row.damping + period * period * row.stiffness
+            pull = row.stiffness * (motion.handle[i] - own.pose[i])
+            pull += row.damping * output.velocity[i] + mass * contacts.gravity[i]
             own.right[i] += period * pull
 
 
 @njit
-def _solve(settings, own, motion):
+def _solve(settings, state, own):
     """The copy's next velocity into own.trial; False if pivoting found none. A spring at its limit is a force.
 
     That makes two problems of one; both together may take no more solutions than one at most.
     """
     clamped, most = False, contact_solver.EXACT + contact_solver.BRAKED
-    constraints, gains = own.contacts.constraints, settings.coupling
+    constraints, motion = own.contacts.constraints, state.motion
     turns = contact_solver.solve(constraints, own.mass, own.right, own.system, own.trial, most)
     own.pivots = turns
     if turns < 0:
         return False
     for i in range(int(settings.axes)):
+        row = state.rows[i]
         stretch = own.pose[i] + settings.period * own.trial[i] - motion.handle[i]
-        pull = gains.stiffness[i] * stretch
+        pull = row.stiffness * stretch
         # a clamped spring is a constant force: without K in A, with ± limit in r
-        if abs(pull) > gains.limit[i]:
+        if abs(pull) > row.high:
             clamped = True
-            own.mass[i] -= settings.period**2 * gains.stiffness[i]
-            spring = gains.stiffness[i] * (motion.handle[i] - own.pose[i])
-            own.right[i] -= settings.period * (spring + math.copysign(gains.limit[i], pull))
+            own.mass[i] -= settings.period**2 * row.stiffness
+            spring = row.stiffness * (motion.handle[i] - own.pose[i])
+            own.right[i] -= settings.period * (spring + math.copysign(row.high, pull))
     if clamped:
         most -= turns
         turns = contact_solver.solve(constraints, own.mass, own.right, own.system, own.trial, most)
@@ -160,58 +167,3 @@ def kinetic(contacts, axes, velocity):
     if axes > 1.0:
         energy += 0.5 * contacts.mass * velocity[1] ** 2
     return energy + (0.5 * contacts.inertia * velocity[2] ** 2 if axes > 2.0 else 0.0)
-
-
-@njit
-def _pay_for_move(settings, own, tank, spring, motion):
-    """Whether (3) holds for own.trial; the tank's books are then those of the move."""
-    stored, hidden, worst, gains = 0.0, 0.0, 0.0, settings.coupling
-    for i in range(int(settings.axes)):
-        stretch = own.pose[i] + settings.period * own.trial[i] - motion.handle[i]
-        push = spring.factor * gains.damping[i] * own.trial[i]
-        force = virtual_coupling.spring_force(gains.stiffness[i], gains.limit[i], stretch)
-        change = energy_tank.not_own(settings, spring, motion, i, force, spring.factor) + abs(push - spring.push[i])
-        hidden += energy_tank.hidden_energy(settings, i, change) + energy_tank.late_energy(settings, tank, i, change)
-        stored += virtual_coupling.spring_store(gains.stiffness[i], gains.limit[i], stretch)
-        # as the damper of pspm: the handle's worst motion
-        worst += energy_tank.worst_draw(settings, tank, i, push)
-    left = tank.level + energy_tank.stored(settings, spring, motion) - stored
-    if left - kinetic(own.contacts, settings.axes, own.trial) < hidden + worst:
-        return False
-    tank.level = left
-    return True
-
-
-@njit
-def _go(settings, own, spring, motion):
-    """The copy moves, and the set point with it."""
-    for i in range(AXES):
-        own.velocity[i] = own.trial[i]
-        own.pose[i] += settings.period * own.trial[i]
-        if i < settings.axes:
-            spring.set_position[i], spring.set_velocity[i] = own.pose[i], own.trial[i]
-            spring.own_velocity[i], spring.stretch[i] = own.trial[i], own.pose[i] - motion.handle[i]
-            spring.stiffness[i] = spring.factor * settings.coupling.stiffness[i]
-            spring.limit[i] = spring.factor * settings.coupling.limit[i]
-
-
-@njit
-def _stay(settings, own, tank, spring, motion, output):
-    """The copy stays, or goes along with the handle as far as the tank asks for it."""
-    for i in range(int(settings.axes)):
-        spring.goal[i] = spring.set_position[i]
-    energy_tank.pay(settings, tank, spring, motion, output.exchange_fade)
-    for i in range(AXES):
-        own.velocity[i] = 0.0
-        if i < settings.axes:
-            own.pose[i], spring.set_velocity[i] = spring.set_position[i], 0.0
-    tool_contacts.open_all(own.contacts)
-
-
-@njit
-def _ship(settings, own, tank):
-    """What the tank has beyond its keep and the copy's own claim goes to the simulation."""
-    over = tank.level - kinetic(own.contacts, settings.axes, own.velocity) - settings.exchange.tank
-    if over > 0.0:
-        tank.shipped += over
-        tank.level -= over

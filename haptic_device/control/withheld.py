@@ -12,11 +12,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from haptic_device.control import enable_state, exchange_controller, faults
+from haptic_device.control import enable_state, exchange_controller, faults, rows
 from haptic_device.jit import kernel, njit
 
 FELT = 0.05  # of engage.force and engage.torque: a coupling that is short by less is not
-RISEN = 0.999  # of a tick's rise of forces: less is one that was not paid
 LEAST_ANGLE = 1.0  # [°] below which a tool is not said to be turned
 LASTS = 0.2  # [s] beyond which a cause counts
 BREAK = 0.02  # [s] without it that end it: a handle that moves pays for a tick now and then
@@ -86,8 +85,8 @@ TANK = _cause(
 )
 RELEASED = _cause(
     "released_walls",
-    "walls push less, to take back the energy that missed ticks gave",
-    "lead the handle out of all walls: then they are whole again",
+    "walls push less, to take back energy that was given and not paid for",
+    "move the handle, which pays, and lead it out of all walls",
     lambda row: f"they push with {np.hypot(*row.force_walls[:2]):.3g} N",
 )
 UNPAID = _cause(
@@ -139,8 +138,8 @@ def _apart(row):
 @kernel
 def tell(settings, state, sensors, tool, output):
     """Fills in the output's sum of the bits of this tick; 0 where no force is asked for: not enabled, or a fault."""
-    command, short = int(sensors.command), state.tank.short
-    state.tank.short = 0.0
+    command, short = int(sensors.command), state.account.short
+    state.account.short = 0.0
     if not command & enable_state.ENABLE or output.fault != faults.NONE:
         return
     if command & enable_state.CLUTCH:
@@ -150,11 +149,13 @@ def tell(settings, state, sensors, tool, output):
         output.withheld = WAITING
         return
     bits = _why_faded(settings, state, tool, output) if output.exchange_fade < 1.0 else 0
-    indebted = state.change.going > 0.0 and state.tank.level < 0.0  # which then holds the dampers, too
-    bits += TANK if short > FELT or indebted else 0
-    bits += RELEASED if state.walls.release > 0.0 and state.walls.touched > 0.0 else 0
-    bits += UNPAID if output.engage < 1.0 and _is_unpaid(settings, state) else 0
-    bits += CHANGE if state.change.going > 0.0 and not indebted else 0
+    indebted, waits = state.account.free < 0.0, state.change.share < 1.0
+    rising, going = state.enable.ramp < 1.0, state.change.going > 0.0
+    less = indebted or (waits and not rising and not going)
+    bits += TANK if short > FELT or (indebted and _is_light(state, 0, int(settings.axes), output)) else 0
+    bits += RELEASED if less and _is_light(state, rows.WALLS, rows.WALLS + int(settings.wall.count), output) else 0
+    bits += UNPAID if waits and rising and not indebted else 0
+    bits += CHANGE if going and not indebted else 0
     output.withheld = bits + (LIMIT if _is_limited(settings, state.hold, output) else 0)
 
 
@@ -168,7 +169,7 @@ def _why_faded(settings, state, tool, output):
         return 0
     if tool.age < 0.0:
         return NO_TOOL
-    gone = output.exchange_fade == 0.0 and exchange_controller.asked_to_be_near(settings, state.fade)
+    gone = output.exchange_fade == 0.0 and exchange_controller.asked_to_be_near(state.fade)
     # the stage that lets it go has refused this sample for where it is, not for its age
     if gone and tool.age <= chosen.hold and not exchange_controller.tool_is_near(settings, tool, output.position):
         return FAR_TOOL
@@ -176,12 +177,12 @@ def _why_faded(settings, state, tool, output):
 
 
 @njit
-def _is_unpaid(settings, state):
-    """Whether forces rose by less than the ramp of engage.time."""
-    enable = state.enable
-    wanted = enable_state.force_ramp(int(enable.state), enable.ramp_before, settings.period, settings.engage.time)
-    rise = wanted - enable.ramp_before
-    return rise > 0.0 and enable.ramp - enable.ramp_before < RISEN * rise and state.motion.stale_ticks == 0.0
+def _is_light(state, first, end, output):
+    """Whether a row from first to end weighs less than it is wished to."""
+    whole, least = output.engage, 1.0
+    for r in range(first, end):
+        least = min(least, state.rows[r].weight)
+    return least < (whole * output.exchange_fade if first == 0 else whole)
 
 
 @njit
@@ -191,7 +192,6 @@ def _is_limited(settings, hold, output):
         stretch = output.coupling_position[i] - output.position[i]
         pull = settings.coupling.stiffness[i] * abs(stretch) if output.exchange_fade > 0.0 else 0.0
         wanted = output.force_walls[i] + output.force_coupling[i] + output.force_cancellation[i]
-        wanted += output.force_passivity[i]
         if hold.limited[i] > 0.0 or pull > settings.coupling.limit[i] or abs(wanted) > settings.force.limit[i]:
             return True
     return False

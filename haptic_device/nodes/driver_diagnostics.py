@@ -111,11 +111,13 @@ class DriverDiagnostics:
             **(self._local_values(row) if node.values["exchange.method"] == "local" else {}),
             "physical_damping": ", ".join(f"{axis.damping:g}" for axis in node.device.axes),
             "passivity_margin": f"{node.judged.plane:.4f}",
+            "friction_margin": f"{min(node.judged.friction[: min(2, len(node.device.axes))]):.4f}",
+            "friction_margin_theta": f"{node.judged.friction[2]:.6f}",
             "passivity_margin_theta": f"{node.judged.theta:.6f}",
             "lateness_counted_us": f"{node.lateness() * 1e6:.1f}",
-            "injections": int(row.injections),
             "survived": node.survived,
-            "generated": f"{max(row.generated):.6f}",
+            "stored": f"{row.stored:.6f}",
+            "promised": f"{row.promised:.6f}",
             "energy_given": f"{sum(row.energy_given):.6f}",
         }
 

@@ -7,7 +7,7 @@ output of these rows can be computed again.
 
 import numpy as np
 
-from haptic_device.control import contact_model, servo, tool_contacts
+from haptic_device.control import actuation_delay, contact_model, servo, tool_contacts
 from haptic_device.control.records import AXES, CONTACTS, SETTINGS, STATE, TICK
 from haptic_device.jit import kernel
 from haptic_device.realtime import hardware_interface
@@ -18,35 +18,40 @@ IN_BAGS = {
     **{"virtual_tool.contacts.table": "near", "virtual_tool.contacts.constraints": "rows"},
     **{"hardware.motor_limit": "device_limit", "hardware.damping": "physical_damping"},
     **{"coupling.stiffness": "stiffness", "coupling.damping": "damping", "wall.count": "walls"},
-    **{f"passivity.{name}": name for name in ("margin", "surplus", "cross", "lateness")},
+    **{f"passivity.{name}": name for name in ("margin", "surplus", "lateness")},
     **{"motion.sample_time": "latched", "motion.stale_ticks": "unseen"},
     **{"motion.handle": "world", "motion.clutch_offset": "offset"},
     **{"samples.count": "history", "samples.x": "positions_x", "samples.y": "positions_y"},
-    **{"samples.theta": "positions_theta", "hold.force": "held_force", "hold.force_now": "held_now"},
-    **{"hold.change": "held_change", "hold.square": "held_square"},
-    **{"walls.release": "walls_off", "walls.yielded": "walls_yielded", "walls.touched": "walls_touched"},
-    **{"observer.pulled_to": "pulled", "observer.damping_credit": "credit"},
-    **{"observer.observed_energy": "generated", "observer.missed_tick_energy": "late"},
+    **{"samples.theta": "positions_theta"},
     **{"enable.ramp": "engage", "fault.code": "fault", "fault.thermal_load": "warmth"},
-    **{"fade.factor": "exchange_fade", "fade.released": "let_go"},
-    **{"spring.stiffness": "spring", "spring.limit": "clamp", "spring.set_position": "set"},
-    **{"tank.level": "tank", "tank.sample_before": "latched_before"},
+    **{"fade.factor": "exchange_fade", "fade.released": "let_go", "rows": "table"},
     **{"virtual_tool.pose": "copy", "virtual_tool.velocity": "copy_velocity"},
 }
 """group.field of a record → its name in the snapshots of all bags that there are; a field renamed since is added here.
 Else it is the field's name alone for groups in ALONE, and group_field."""
-ALONE = {"hardware", "virtual_tool.contacts", *STATE.names} - {"in_force"}
+ALONE = {"hardware", "virtual_tool.contacts", *STATE.names} - {"account", "coupling", "exchange", "change", "hold"}
 MADE_ANEW = (
-    {"walls.depth", "tank.short"}
+    {"walls.depth", "walls.whole", "account.short", "wished", "trial"}
     | {f"motion.{name}" for name in ("handle_before", "elapsed", "unsure", "held")}
-    | {f"hold.{name}" for name in ("wall_springs", "wall_dampers", "coupling_spring", "rest_share")}
+    | {
+        f"account.{name}"
+        for name in (
+            "value",
+            "asked",
+            "own",
+            "way",
+            "more",
+            "lacks",
+            "one_worst",
+            "unpaid",
+            "beside",
+            "spring_before",
+            "fast",
+        )
+    }
 )
 """Fields that a tick fills in before it reads them, or leaves at 0: no part of a snapshot."""
-SINCE = {"motion.sample_error", "motion.sample_deadline", "samples.errors", "tank.window_error"} | {
-    "fade.apart",
-    "hardware.stamp_error",
-    "in_force.hardware.stamp_error",
-}
+SINCE = {"motion.sample_error", "motion.sample_deadline", "samples.errors", "fade.apart", "hardware.stamp_error"}
 """Fields that bags of before lack, where they were 0."""
 
 
@@ -54,7 +59,10 @@ def _columns(prefix, dtype, within=""):
     """(path of names, name in bags, shape) of every number that a snapshot holds."""
     for name in dtype.names:
         place, part = f"{within}{name}", dtype[name]
-        if part.names is not None:
+        if part.base.names is not None and part.shape:  # a table: rows of numbers
+            if place not in MADE_ANEW:
+                yield (name,), f"{prefix}.{IN_BAGS.get(place, name)}", (*part.shape, part.base.itemsize // 8)
+        elif part.names is not None:
             for path, *rest in _columns(prefix, part, f"{place}."):
                 yield (name, *path), *rest
         elif place not in MADE_ANEW:
@@ -75,7 +83,7 @@ def recompute(settings, state, rows, sets):
     """Computes the outputs of consecutive rows again, in place, from their inputs; sets: of local contacts, by number.
 
     Margin, surplus and the lateness counted are no outputs of the tick: with them the driver follows the measured
-    lateness, so they are taken as recorded.
+    lateness, so they are taken as recorded, and what follows from the lateness is made anew.
     """
     at, ticks, contacts = 0, np.zeros(1, TICK), state[0].virtual_tool.contacts
     for k in range(rows.size):
@@ -87,7 +95,10 @@ def recompute(settings, state, rows, sets):
                 tool_contacts.take(contacts, sets[at])
         for i in range(AXES):
             settings[0].passivity.margin[i], settings[0].passivity.surplus[i] = rows[k].margin[i], rows[k].surplus[i]
-        settings[0].passivity.lateness = rows[k].lateness_counted
+        settings[0].passivity.lateness, port = rows[k].lateness_counted, settings[0].port
+        least, most, ratio = rows[k].lateness_least, rows[k].lateness_counted, rows[k].lateness_ratio
+        if port.least != least or port.most != most or port.ratio != ratio:
+            actuation_delay.set_lateness(port, least, most, port.period, ratio)
         # inputs as recorded; servo.tick clears the outputs
         ticks.view(np.int64)[:] = rows[k : k + 1].view(np.int64)
         servo.tick(settings[0], state[0], ticks[0])
@@ -116,7 +127,7 @@ def snapshot_of(tick, settings, state):
     record["tick"] = tick
     for part, columns in zip((settings, state), COLUMNS.values(), strict=True):
         for path, name, _ in columns:
-            record[name] = _at(part, path)
+            record[name] = _numbers(_at(part, path))
     return record
 
 
@@ -129,9 +140,14 @@ def parts_of(snapshot):
                 continue
             if name not in snapshot.dtype.names:
                 raise ValueError(f"the snapshots lack {name}: the bag was recorded by another version")
-            field = _at(part, path)
+            field = _numbers(_at(part, path))
             field[...] = snapshot[name].reshape(field.shape)  # a bag has tables as rows of numbers
     return parts
+
+
+def _numbers(field):
+    """A field as numbers, a table as rows of them; not copied."""
+    return field.view("f8").reshape(*field.shape, -1) if field.dtype.names else field
 
 
 def _at(part, path):

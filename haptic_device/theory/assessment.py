@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.control.passivity import coupling_damping
+from haptic_device.control.passivity import largest_stiffness, least_damping
 from haptic_device.digits import amount, apart
+from haptic_device.theory.coupling_damping import leak, least_damping_for_any_simulation
 from haptic_device.theory.delay import largest_passive_stiffness, wall_damping_needed
 from haptic_device.theory.mu import mu_margin
 from haptic_device.theory.quantity import Quantity, not_negative, positive, within
@@ -72,8 +73,8 @@ class Assessment(NamedTuple):
         coulomb_required: Coulomb friction that covers the encoder step [N].
         mu_passive: whether b is enough for a coupling with these gains to any passive simulation in step.
         mu_margin: margin of the μ test, see `mu_margin`.
-        b_required_mu: physical damping for such a coupling [N s/m], as the driver requires it. A velocity lag does not
-            reduce it.
+        b_required_mu: physical damping for such a coupling [N s/m], as the driver requires it, which pays for what the
+            tool moves. A velocity lag does not reduce it.
         stiffness_max_passive: largest stiffness of a passive wall [N/m].
         stiffness_max_stable: largest stiffness that is stable when nobody holds the device [N/m].
         stiffness_max_mu: largest stiffness of such a coupling [N/m]; friction is not part of this condition.
@@ -127,7 +128,7 @@ def assess(display: Display) -> Assessment:
     wall = wall_damping_needed(stiffness, damping, period, lag, delay)
     friction = float(coulomb_friction_needed(stiffness, damping, period, resolution, lag))
     coupling = wall_transfer(stiffness, damping, period, lag)
-    any_simulation = float(coupling_damping(float(stiffness), float(damping), float(period), float(delay * period)))
+    any_simulation = _coupling_need(display)
     return Assessment(
         passive=bool(wall.damping < physical_damping and friction <= coulomb),
         stable=bool(spectral_radius(stiffness, damping, mass, physical_damping, period, delay, lag) < 1.0),
@@ -233,17 +234,22 @@ def _largest_passive(display: Display) -> float:
     return float(min(damped, max(covered, 0.0)))
 
 
-def _largest_coupling(display: Display) -> float:
-    """Largest K whose control/passivity.coupling_damping is b, with h = KT/2 and its factor L of h; 0: there is none.
+def _coupling_need(display: Display) -> float:
+    """As the driver requires it; it refuses a coupling with B < 0, which any simulation in step could drive."""
+    stiffness, damping, period = (float(value) for value in (display.stiffness, display.damping, display.period))
+    late = float(display.delay_samples * period)
+    if damping >= 0.0:
+        return float(least_damping(stiffness, damping, period, late, late))
+    coupling = wall_transfer(stiffness, damping, period)
+    return float(least_damping_for_any_simulation(coupling, period, display.delay_samples).damping)
 
-    L h + need(B) = b for B ≥ 0, else the larger root of L h² = b (h + B).
-    """
+
+def _largest_coupling(display: Display) -> float:
+    """Largest K of such a coupling; 0: there is none. For B < 0 the larger root of L h² = b (h + B), h = KT/2."""
     b, damping, period = (float(value) for value in (display.physical_damping, display.damping, display.period))
     late = float(display.delay_samples * period)
-    leak = float(coupling_damping(2.0 / period, 0.0, period, late))
     if damping >= 0.0:
-        half = (b - float(coupling_damping(0.0, damping, period, late))) / leak
-    else:
-        square = b * b + 4.0 * leak * b * damping
-        half = 0.5 * (b + sqrt(square)) / leak if square > 0.0 else 0.0
-    return max(0.0, 2.0 * half / period)
+        return largest_stiffness(b, damping, period, late, late)
+    leaks = float(leak(np.array([1e-6]), display.delay_samples)[0])
+    square = b * b + 4.0 * leaks * b * damping
+    return max(0.0, (b + sqrt(square)) / (leaks * period)) if square > 0.0 else 0.0

@@ -12,9 +12,8 @@ b₀ is irrelevant and b stands alone. For the synchronous simulation, N samples
 It is the least dissipation of display and coupling together, minimal over the handle's paths, so a fractional delay
 only interpolates the cosine: (1 − s) cos (N+1)θ + s cos (N+2)θ. For the wall of eq. 2 and N = 0 it reads
 (T/2) |H|²/(K + 2B/T), whose supremum is KT/2 + B for B ≥ 0 and (KT/2)²/(KT/2 + B) for −KT/2 < B < 0. With delay a
-spring needs (N + 1)² KT/2 here, where a wall needs (N + ½) KT (control/passivity.least_damping). Verdicts go by
-control/passivity.coupling_damping, which is this for B ≤ 0 and without delay, and enough for any delays up to the one
-that is counted.
+spring needs (N + 1)² KT/2 here, where a wall needs (N + ½) KT. The driver asks no more of a coupling than of a wall
+(control/passivity.least_damping), since it pays for what the tool moves (control/account).
 """
 
 import numpy as np

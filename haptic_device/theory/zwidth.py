@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from haptic_device.control.passivity import least_damping
+from haptic_device.control.passivity import largest_stiffness
 from haptic_device.device import wall_tapping
 from haptic_device.theory.delay import largest_passive_stiffness
 from haptic_device.theory.quantity import Array, finite, not_negative, positive, within
@@ -230,6 +230,6 @@ def theory(setup: Setup, damping: Array, lateness: float = 0.0) -> dict[str, Arr
     }
     if lateness > 0.0:
         late = setup.delay_samples * period + lateness
-        spare = np.array([b - least_damping(0.0, float(B), period, late) for B in damping])
-        lines["late writes"] = np.maximum(spare, 0.0) / least_damping(1.0, 0.0, period, late)
+        least = setup.delay_samples * period
+        lines["late writes"] = [largest_stiffness(b, float(B), period, late, least) for B in damping]
     return {name: np.array(line) for name, line in lines.items()}

@@ -29,6 +29,8 @@ NEW_WALL = "new_wall"
 MOST_WALLS = 16  # that ranges are found for: with 64 it would take seconds
 PRECISE = 1e-5  # of the least and the most, relative
 SEARCHED = 60  # steps of a search for a value that is passive, each two thirds of the one before
+NORMALS = tuple((math.cos(angle), math.sin(angle)) for angle in np.radians((0.0, 90.0, 22.5, 67.5)))
+"""Of a wall that is added: across an axis it needs least of the damping, between them most."""
 CHANGED = 0.02  # of the lateness, beyond which the ranges are found anew
 
 
@@ -56,7 +58,7 @@ def passive_ranges(device: Device, values: dict[str, Any], lateness: float) -> d
     """{name: [least, most]} of each gain, None where no value is passive; of walls {name: [[least, most], ...]}, of the
     first MOST_WALLS.
 
-    new_wall: the most stiffness of one wall more, without damping, across the worse of x and y. lateness: how late
+    new_wall: the most stiffness of one wall more, without damping, across the worst direction. lateness: how late
     forces act, delays of the device included [s]. Where walls do not fit together there are none.
     """
     try:
@@ -85,7 +87,7 @@ def _one_more(settings: np.ndarray, lateness: float) -> list[float] | None:
         return None
     walls["count"] = new + 1
     ranges = []
-    for normal in ((1.0, 0.0), (0.0, 1.0))[: int(settings["axes"][0])]:
+    for normal in NORMALS if int(settings["axes"][0]) > 1 else NORMALS[:1]:
         walls["x"][0, new], walls["y"][0, new] = normal
         ranges.append(_range(settings, lateness, (walls["stiffness"], (0, new)), LIVE["wall.stiffness"]))
     return None if None in ranges else min(filter(None, ranges))

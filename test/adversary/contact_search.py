@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from adversary.exchange_search import engaged
-from haptic_device.control import contact_model, contact_solver, enable_state, faults, records, servo, virtual_coupling
+from adversary.exchange_search import booked, engaged
+from haptic_device.control import contact_model, contact_solver, enable_state, faults, records, servo
 from haptic_device.jit import kernel, njit
 
 FEATURES = 4  # of the eight places
@@ -49,7 +49,7 @@ def energy_given(settings, memory, row, path, scale, loss, watched):
         record.tool.age += period
         record.tool.contact_age += period
         servo.tick(settings[0], one, record)
-        watched[0] = max(watched[0], given + _booked(settings[0], one, record))
+        watched[0] = max(watched[0], given + booked(settings[0], one, record))
         watched[1] += record.output.local
         for i in range(3):
             moved = genes[MOVED + i] * scale[0, i]
@@ -59,16 +59,6 @@ def energy_given(settings, memory, row, path, scale, loss, watched):
             most = max(most, given)
     watched[2] += one.virtual_tool.stays + one.virtual_tool.unsolved
     return most
-
-
-@njit
-def _booked(settings, memory, record):
-    """Energy [J] that the books say may still be given, or was shipped, less the budget."""
-    stored = memory.tank.level + memory.tank.shipped - memory.tank.returned - settings.exchange.budget
-    for i in range(3):
-        stretch = record.output.coupling_position[i] - record.output.position[i]
-        stored += virtual_coupling.spring_store(memory.spring.stiffness[i], memory.spring.limit[i], stretch)
-    return stored
 
 
 @njit

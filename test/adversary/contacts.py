@@ -25,7 +25,7 @@ def settings(rate=1000.0, limit=20.0):
     """SETTINGS of three axes with 1.05 times the damping that the gains need, free to move without end."""
     given = three_axes("local", limit=limit, servo__rate=rate)
     stiffness, damping = (given["coupling"][of][0] for of in ("stiffness", "damping"))
-    given["hardware"]["damping"][0] = 1.05 * (0.5 * stiffness / rate + damping)
+    given["hardware"]["damping"][0] = given["port"]["damping"][0] = 1.05 * (0.5 * stiffness / rate + damping)
     return gain_check.counted(given, 0.0)
 
 

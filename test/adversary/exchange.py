@@ -5,8 +5,8 @@
 
 One axis, K = 1000 N/m, B = 0.25 N s/m, T = 1 ms, b = 1.05 (KT/2 + B), budget 5 mJ; then the same at a force limit of
 2 N, with encoder steps, with the passivity controller on, and with missed ticks. A row is one search; `free` samples
-say what they like, `N` is a tool N ticks late that a wall holds now and then. `credited`: the most by which the tank's
-books were ever above the truth. The tool port is searched with a tenth of the evaluations: its world is python.
+say what they like, `N` is a tool N ticks late that a wall holds now and then. `credited`: the most by which the
+account was ever above the truth. The tool port is searched with a tenth of the evaluations: its world is python.
 """
 
 import sys
@@ -27,11 +27,9 @@ STIFFNESS, DAMPING, PERIOD, STEP = 1000.0, 0.25, 1e-3, 5e-6
 CASES = [Adversary(late, loss) for late in (FREE, 0, 1, 5, 20, 100) for loss in (0.0, 0.3)]
 
 
-def settings(method, counts=1e9, **driver):
+def settings(method, **driver):
     """SETTINGS of one axis with 1.05 times the damping that its gains need, free to move without end."""
-    given = one_axis(method, STIFFNESS, DAMPING, PERIOD, **driver)
-    given["hardware"]["position_per_count"] = 1.0 / counts
-    return given
+    return one_axis(method, STIFFNESS, DAMPING, PERIOD, **driver)
 
 
 def show(method, what, adversary, given, evaluations, seed):
@@ -39,9 +37,8 @@ def show(method, what, adversary, given, evaluations, seed):
     found = exchange_search.search(given, adversary, ticks, evaluations, seed)
     late = "free" if adversary.late == FREE else f"{adversary.late:d}"
     energy = f"{found.energy * 1e3:12.4f}" if not adversary.books else f"{'':>12}"
-    over = f"{found.overcredit * 1e3:12.6f}" if method != "direct" else f"{'':>12}"
     print(
-        f"{method:7} {what:14} {late:>5} {adversary.loss:5.1f} {energy} {over} "
+        f"{method:7} {what:14} {late:>5} {adversary.loss:5.1f} {energy} {found.overcredit * 1e3:12.6f} "
         f"{found.force:8.3f} {found.change / PERIOD * 1e-3:9.3f}",
         flush=True,
     )
@@ -59,7 +56,7 @@ def main():
         limited = settings(method, force__limit=2.0)
         show(method, "limit 2 N", Adversary(reach=3.0, books=1, full=1), limited, evaluations, 20)
         show(method, "limit 2 N", Adversary(loss=0.3), limited, evaluations, 21)
-        coarse = settings(method, 1.0 / STEP)
+        coarse = settings(method, counts=1.0 / STEP)
         show(method, "step 5 µm", Adversary(coulomb=0.5 * STIFFNESS * STEP, reach=0.1), coarse, evaluations, 22)
         guarded = settings(method, passivity__control=True)
         show(method, "controller on", Adversary(loss=0.3), guarded, evaluations, 24)

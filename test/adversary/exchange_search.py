@@ -19,7 +19,7 @@ import numpy as np
 
 from adversary.late_forces import most_given
 from adversary.tool_samples import DEVICE, FREE, GENES, LOST, MOVED, contacts, sample
-from haptic_device.control import enable_state, exchange_samples, faults, records, servo, virtual_coupling
+from haptic_device.control import enable_state, exchange_samples, faults, records, rows, servo
 from haptic_device.jit import kernel, njit
 
 SURE = 1e-7  # [J] no rounding of the books
@@ -31,7 +31,7 @@ BEYOND, OPENED = 2.2, 1.5  # genes WRITE and ORDERS above which a value is writt
 
 class Found(NamedTuple):
     """Of all paths tried: the largest energy given [J], beyond what was in the tank; the largest force [N]; the fastest
-    change of force that the set position made beyond the handle's own motion [N per tick]; the most that the books
+    change of force that the table made beyond the handle's own motion [N per tick]; the most that the books
     credited beyond the truth [J]; evaluations; and the path that was best by what was looked for."""
 
     energy: float
@@ -75,7 +75,7 @@ def energy_given(settings, memory, row, path, scale, adversary, watched):
 @kernel
 def _energy_given(settings, memory, row, path, scale, adversary, watched):
     record, one, device, period = row[0], memory[0], settings[0].hardware, settings[0].period
-    there = max(0.0, one.tank.level - settings[0].exchange.budget)
+    there = max(0.0, one.account.free - settings[0].exchange.budget)
     past, acts, forces, sent, write = np.zeros(len(path)), np.zeros(len(path)), np.zeros(len(path)), 0, 0.0
     position, given, paid, most, owed = 0.0, -there, 0.0, -np.inf, -np.inf
     for k in range(len(path)):
@@ -94,7 +94,7 @@ def _energy_given(settings, memory, row, path, scale, adversary, watched):
             acts[sent], forces[sent] = k + (write + adversary.delay) / period, record.output.force_on_handle[0]
             sent += 1
             if not stale:
-                credit = given + _booked(one, record)
+                credit = given + booked(now, one, record)
                 watched[2] = max(watched[2], credit)
                 owed = max(owed, _slope(credit, paid)) if 2 * k >= len(path) else owed
         moved = path[k, MOVED] * scale[MOVED]
@@ -152,42 +152,44 @@ def _write_delay(genes, adversary, period):
 
 @njit
 def _tick(settings, memory, record, watched, watching):
-    """The servo's tick; watches its force, and the change of force that is not the handle's own."""
-    before, faded = record.output.coupling_position[0], record.output.exchange_fade
-    handle = record.output.position[0]
+    """The servo's tick; watches its force, and the change of force that is not the handle's own.
+
+    Nor that of a damper which lets go at once, because nothing is left to pay for it.
+    """
+    before, handle, speed = memory.rows.copy(), record.output.position.copy(), memory.account.velocity.copy()
     servo.tick(settings, memory, record)
-    gains, here = memory.in_force.coupling, record.output.position[0]
-    there, gone = _spring(gains, before - here), _spring(gains, before - handle)
-    now = _spring(gains, record.output.coupling_position[0] - here)
-    if watching and faded == record.output.exchange_fade and memory.change.going == 0.0:
-        watched[1] = max(watched[1], faded * max(now - max(there, gone), min(there, gone) - now))
+    here, now = record.output.position, memory.account.velocity
+    there, gone, made = _force(before, here, now), _force(before, handle, speed), _force(memory.rows, here, now)
+    for r in range(before.size):
+        before[r].rate = 0.0
+    slack = _force(before, here, now)
+    if watching and record.output.engage > 0.0:
+        watched[1] = max(watched[1], made - max(there, gone, slack), min(there, gone, slack) - made)
     watched[0] = max(watched[0], abs(record.output.force_on_handle[0]))
 
 
 @njit
-def _spring(gains, stretch):
-    return virtual_coupling.spring_force(gains.stiffness[0], gains.limit[0], stretch)
+def _force(table, place, velocity):
+    """Of all rows on the first axis [N]."""
+    spring, damper = np.zeros(rows.AXES), np.zeros(rows.AXES)
+    rows.force(table, table.size, place, velocity, spring, damper)
+    return spring[0] + damper[0]
 
 
-@njit
-def _booked(memory, record):
-    """Energy [J] that tank and springs may still give, or that was shipped, less the budget."""
-    walls, limit, stored = memory.in_force.wall, memory.in_force.coupling.limit[0], memory.tank.level
-    stretch = record.output.coupling_position[0] - record.output.position[0]
-    stored += virtual_coupling.spring_store(memory.spring.stiffness[0], memory.spring.limit[0], stretch)
-    there = memory.enable.ramp * (1.0 - memory.walls.release)
-    for j in range(int(walls.count)):
-        depth = max(0.0, memory.walls.depth[j])
-        stored += virtual_coupling.spring_store(there * walls.stiffness[j], there * limit, depth)
-    return stored + memory.tank.shipped - memory.tank.returned - memory.in_force.exchange.budget
+@kernel
+def booked(settings, memory, record):
+    """Energy [J] that account and springs may still give, or that was shipped, less the budget."""
+    none, account, exchange = np.zeros(rows.AXES), memory.account, memory.exchange
+    stored = rows.force(memory.rows, memory.rows.size, record.output.position, none, none.copy(), none.copy())
+    return account.free + stored + exchange.shipped - exchange.returned - settings.exchange.budget
 
 
 def engaged(tank=0.0):
     """Memory and row of a servo that is engaged and at rest at the origin; with this in its tank [J], if any."""
     memory, row = np.zeros(1, records.STATE), np.zeros(1, records.TRACE_ROW)
-    memory["enable"]["ramp"] = memory["fade"]["factor"] = memory["observer"]["coupled"] = 1.0
+    memory["enable"]["ramp"] = memory["fade"]["factor"] = 1.0
     memory["enable"]["state"] = enable_state.ENGAGED
-    memory["tank"]["filled"], memory["tank"]["level"] = float(tank > 0.0), tank
+    memory["account"]["filled"], memory["account"]["free"] = float(tank > 0.0), tank
     return memory, row
 
 

@@ -14,7 +14,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))  # of this package
 
 from adversary.late_cases import BUDGET, CASES, drawn
 
-METHODS = "pspm", "local"
+METHODS = "pspm", "local", "direct"
 
 
 def main():

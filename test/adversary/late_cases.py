@@ -82,12 +82,12 @@ def settings_of(method, case):
     against, device = case.against, load_device("desktop")
     lateness = against.delay + against.write
     axis = {"counts_per_unit": 1e9, "velocity_limit": 1e6, "workspace": (-1e6, 1e6), "motor_limit": 1e4}
-    axis["damping"] = OVER * max(_needed(one, case.rate, lateness) for one in case.points)
+    axis["damping"] = OVER * max(_needed(one, case.rate, lateness, against.delay) for one in case.points)
     axes = (device.axes[0].model_copy(update=axis),)
     device = device.model_copy(update={"axes": axes, "actuation_delay": against.delay, "sensing_delay": 0.0})
     values = defaults(NODES["haptic_driver"])
     values |= {"exchange.method": method, "servo.rate": case.rate, "passivity.control": False}
-    values |= {"exchange.budget": BUDGET, "passivity.budget": BUDGET}
+    values["exchange.budget"] = BUDGET
     # so that fading and engaging come about within a path
     values |= {"exchange.hold": 0.02, "exchange.fade": 0.01, "engage.time": 0.01, "engage.force": 20.0}
     points = [controller_config.settings_from(device, values | one, version) for version, one in enumerate(case.points)]
@@ -97,12 +97,15 @@ def settings_of(method, case):
     return np.concatenate(points)
 
 
-def _needed(values, rate, lateness):
+def _needed(values, rate, lateness, least):
     """Damping [N s/m] of the device that these parameters need, all together."""
-    period, walls = 1.0 / rate, zip(values.get("wall.stiffness", ()), values.get("wall.damping", ()), strict=True)
-    need = passivity.coupling_damping(values["coupling.stiffness"], values["coupling.damping"], period, lateness)
-    need += sum(passivity.least_damping(*one, period, lateness) for one in walls)
-    return need / (1.0 - 0.7 * values.get("cancellation.ratio", 0.0))
+    stiffness = values["coupling.stiffness"] + sum(values.get("wall.stiffness", ()))
+    damping = values["coupling.damping"] + sum(values.get("wall.damping", ()))
+    need = 0.0
+    for _ in range(100):  # what is cancelled is a share of it
+        cancelled = values.get("cancellation.ratio", 0.0) * need
+        need = passivity.least_damping(stiffness, damping + cancelled, 1.0 / rate, lateness, least)
+    return need
 
 
 def drawn(method, case, evaluations, seed=0):

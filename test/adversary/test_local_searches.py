@@ -19,11 +19,9 @@ def test_no_contacts_in_three_axes_draw_more_than_the_budget_or_fool_the_books(s
     assert found.energy <= BUDGET and found.overcredit <= 1e-9 and found.moved > 1000
 
 
-@pytest.mark.parametrize(
-    "words", [("contacts.py", "20"), ("exchange.py", "20", "pspm", "local")], ids=lambda words: words[0]
-)
-def test_the_searches_that_the_documents_name_print_at_most_the_budget_in_each_row(words):
-    command = [sys.executable, str(Path(__file__).with_name(words[0])), *words[1:]]
+@pytest.mark.parametrize("name", ["contacts.py", "exchange.py"])
+def test_the_searches_that_the_documents_name_print_at_most_the_budget_in_each_row(name):
+    command = [sys.executable, str(Path(__file__).with_name(name)), "20"]
     shown = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\n\n")[0]
     head, *searched = shown.splitlines()[1:]
     column = slice(head.index("given mJ") - 4, head.index("given mJ") + len("given mJ"))

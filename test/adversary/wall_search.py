@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.signal import lfilter
 
-from haptic_device.control import damping_compensation, velocity_estimator, virtual_coupling, virtual_wall
+from haptic_device.control import damping_compensation, velocity_estimator, virtual_wall
 
 
 class Display(NamedTuple):
@@ -56,7 +56,7 @@ def search(display, ticks, starts, seed=1, enough=np.inf):
 
 def energy_left(display, path):
     """Energy given to the operator along positions one tick apart, less the spring's store at the first."""
-    given, rate, before = -virtual_coupling.spring_store(1.0, np.inf, max(0.0, path[0])), 0.0, path[0]
+    given, rate, before = -0.5 * max(0.0, path[0]) ** 2, 0.0, path[0]
     waiting = [_force(display, path[0], 0.0)] * display.delay
     for k in range(len(path) - 1):
         rate, before = velocity_estimator.velocity_of(rate, path[k] - before, 1.0, display.lag), path[k]
@@ -71,7 +71,7 @@ def _force(display, depth, rate):
     outside = float(depth <= 0.0)
     fade = damping_compensation.cancellation_fade(-depth, display.band, 0.0, 1.0) if display.band > 0.0 else outside
     pushed = virtual_wall.wall_force(1.0, display.damping, depth, rate)
-    return damping_compensation.cancellation_force(display.cancelled * fade, display.physical_damping, rate) - pushed
+    return display.cancelled * fade * display.physical_damping * rate - pushed
 
 
 def _climb(display, steps, depth, pin):

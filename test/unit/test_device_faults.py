@@ -169,20 +169,28 @@ def test_of_causes_that_come_together_the_first_of_the_order_latches():
     assert fault_of(row) == "estop"
 
 
-def test_a_device_that_cut_its_motor_leaves_the_tank_nothing_that_the_hand_earned_meanwhile():
+def test_a_hand_that_moves_against_a_motor_which_the_device_has_cut_earns_nothing():
     runner = Servo(exchange__method="pspm", coupling__stiffness=200.0, coupling__damping=1.0, engage__time=0.1)
     runner.tool((0.002, 0.0, 0.0))
     runner.inputs |= {"tool_session": 1.0, "tool_contact": 1.0}
     for count in range(1, 1200):
         runner.inputs |= {"tool_answered": float(count), "tool_sequence": float(count)}
         row = runner.tick()
-    assert runner.memory["spring"]["factor_held"][0] > 0.0 and runner.memory["tank"]["level"][0] > 0.0
-    assert row.motor[0] > 0.0
-    filled, now = runner.memory.copy(), runner.now
+    pull, way = row.force_on_handle[0], 1e-5
+    assert pull == pytest.approx(0.4) and 3.0 * way**2 / PERIOD < 0.5 * pull * way
+
+    def account():
+        parts = [runner.memory["account"][name][0] for name in ("free", "stored", "late")]
+        return sum(parts) + runner.memory["exchange"]["shipped"][0]
+
+    filled, now, before = runner.memory.copy(), runner.now, account()
+    runner.position = np.array([-way, 0.0, 0.0])
     for name, bit in BITS.items():
         runner.memory[:], runner.now = filled, now
         runner.tick(device_status=faults.FRESH | bit)
-        assert (runner.memory["tank"]["level"][0] <= 0.0) == (name not in ("device_limit", "device_clock"))
+        earned = account() - before
+        cut = name not in ("device_limit", "device_clock")
+        assert earned <= 3.0 * way**2 / PERIOD if cut else earned > 0.9 * pull * way
 
 
 def test_of_any_word_on_the_page_the_known_bits_are_read_and_no_others():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the books charge in advance has a physical limit, and what they charged beyond the truth is forgotten."""
+"""What the account charges in advance has a physical limit, and what it charged beyond the truth is forgotten."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from exchange_systems import demo_system, one_axis
 from ticks import tick
 
 from adversary import exchange_search as adversary
-from haptic_device.control import enable_state, energy_tank, faults, gain_check, virtual_coupling
+from haptic_device.control import enable_state, faults, gain_check, records
 
 STIFFNESS, DAMPING, PERIOD, FASTEST = 2000.0, 2.0, 0.5e-3, 1.0  # [N/m], [N s/m], [s], [m/s] of the device
 BUDGET, STRETCH = 0.005, 0.004  # [J], [m]
@@ -23,12 +23,10 @@ class Led:
     contact = 1.0
 
     def __init__(self, late, over=1.05, step=1e-9, stiffness=STIFFNESS, method="pspm", **driver):
-        self.settings, self.step = one_axis(method, stiffness, DAMPING, PERIOD, over, **driver), step
-        self.settings["hardware"]["velocity_limit"] = FASTEST
-        self.settings["hardware"]["position_per_count"][0, 0] = step
+        self.settings = one_axis(method, stiffness, DAMPING, PERIOD, over, 1.0 / step, FASTEST, **driver)
         gain_check.counted(self.settings, late)
         (self.memory, self.row), self.place, self.now, self.number = adversary.engaged(), 0.0, 0.0, 0
-        self.tool = self.age = self.speed = 0.0
+        self.step, self.tool, self.age, self.speed = step, 0.0, 0.0, 0.0
         self.lead(0.0)
 
     def lead(self, way, time=PERIOD, command=enable_state.ENABLE):
@@ -50,12 +48,18 @@ class Led:
         return self.lead(0.0).lead(0.0)
 
     @property
-    def level(self):
-        return float(self.memory["tank"]["level"][0])
+    def account(self):
+        return self.memory["account"][0]
+
+    @property
+    def free(self):
+        """What the account may still give [J]."""
+        return float(self.account["free"])
 
     @property
     def force(self):
-        return float(self.memory["spring"]["force"][0, 0])
+        """Of the coupling's spring [N]."""
+        return float(self.account["spring"][0])
 
     @property
     def damping(self):
@@ -64,46 +68,14 @@ class Led:
 
     @property
     def given(self):
-        """What the coupling has given at most [J], as the tank counts it."""
-        return float(self.memory["tank"]["given"][0])
+        """What the motor has given at most [J], as the account counts it."""
+        return float(self.account["given"])
 
     @property
-    def stored(self):
-        """Energy in the coupling's spring [J]."""
-        return 0.5 * self.force**2 / STIFFNESS
-
-
-def test_a_late_change_costs_its_price_while_damping_is_left_and_its_way_at_the_speed_limit_while_none_is():
-    """At 2 kHz with K = 2000, B = 2: the price grows with the square of the change, the way with the change itself."""
-    for late, left in ((1e-6, True), (114e-6, False), (400e-6, False)):
-        led = Led(late)
-        surplus = led.settings["passivity"]["surplus"][0, 0]
-        assert (surplus > 0.0) == left
-        tank, settings = led.memory.view(np.recarray)[0].tank, led.settings.view(np.recarray)[0]
-        for change in (-8.0, 1e-3, 0.1, 8.0):
-            way = abs(change) * FASTEST * late
-            price = 0.25 * late * change**2 / max(1e-300, surplus - tank.surplus[0])  # W ⌈W⌉ T q²/4r, W ≤ 1
-            assert energy_tank.late_energy(settings, tank, 0, change) == pytest.approx(min(price, way), rel=1e-9)
-        assert energy_tank.late_energy(settings, tank, 0, 0.0) == 0.0
-
-
-@pytest.mark.parametrize("late, command", [(114e-6, OPEN), (400e-6, 0)])
-def test_a_display_let_go_where_no_damping_is_left_pays_for_the_force_times_the_way_that_the_hand_can_go(late, command):
-    led = Led(late).stretched()
-    assert gain_check.margins(led.settings[0], late)[1] < 0.0 and led.force > 1.0
-    before = led.level + led.stored
-    charged = led.force * FASTEST * late
-    led.lead(0.0, command=command)
-    assert led.level == pytest.approx(before - charged, rel=1e-3, abs=1e-8)
-
-
-@pytest.mark.parametrize("late", [114e-6, 400e-6])
-def test_a_tank_keeps_no_more_in_reserve_for_late_changes_than_they_can_give(late):
-    led = Led(late)
-    slew = (1.0 + 0.25) * led.settings["exchange"]["slew"][0, 0] * PERIOD
-    memory = led.memory.view(np.recarray)[0]
-    kept = energy_tank.reserve(led.settings.view(np.recarray)[0], memory.tank, memory.spring)
-    assert slew * FASTEST * late <= kept <= slew * FASTEST * late + 1e-6 < BUDGET
+    def books(self):
+        """What account and springs may still give, or was shipped, less the budget [J]."""
+        row = self.row.view(records.TICK)[0]
+        return adversary.booked(self.settings[0], self.memory[0], row)
 
 
 def test_a_stall_costs_no_more_than_the_force_limit_over_the_way_either_side_of_it():
@@ -111,19 +83,19 @@ def test_a_stall_costs_no_more_than_the_force_limit_over_the_way_either_side_of_
     limit, way = 5.0, 0.045
     led = Led(0.0, force__limit=limit)
     led.lead(0.0, 0.05).lead(0.0)
-    before = led.level
+    before = led.free
     led.lead(-way, 0.05)
     assert 0.5 * STIFFNESS * way**2 > 2.0
-    assert before - led.level <= 2.0 * limit * way
+    assert before - led.free <= 2.0 * limit * way
 
 
 def test_a_stall_of_a_motor_that_is_off_costs_nothing_whatever_would_be_cancelled():
     led = Led(0.0, over=20.0, cancellation__ratio=0.9)
     led.lead(0.0, command=0)
-    before = led.level
+    before = led.free
     for way in (0.045, -0.045, 0.045):
         led.lead(way, 0.05, command=0).lead(0.0, command=0)
-    assert led.level >= before
+    assert led.free >= before
 
 
 def test_a_stall_while_damping_is_cancelled_costs_no_more_than_a_tick_of_it_at_steady_speed():
@@ -133,44 +105,40 @@ def test_a_stall_while_damping_is_cancelled_costs_no_more_than_a_tick_of_it_at_s
     for _ in range(2000):
         led.lead(speed * PERIOD)
     assert led.row["force_cancellation"][0, 0] > 1.0
-    before, cancelled = led.level, 0.9 * led.settings["hardware"]["damping"][0, 0]
+    before, cancelled = led.free, 0.9 * led.damping
     led.lead(speed * 0.05, 0.05)
-    assert before - led.level <= 0.5 * cancelled * PERIOD * speed**2 * (1.0 + 1e-6)
+    assert before - led.free <= 0.5 * cancelled * PERIOD * speed**2 * (1.0 + 1e-6)
 
 
 @pytest.mark.parametrize("word", [OPEN, 0])
 def test_a_debt_that_is_not_true_is_forgotten_where_the_spring_is_let_go_and_what_was_given_is_not(word):
     for given in (0.0, 0.003, 0.02):
         led = Led(0.0)
-        led.memory["tank"]["level"], led.memory["tank"]["owed"] = -3e7, 3e7
-        led.memory["tank"]["given"] = given
+        led.account["free"], led.account["given"] = -3e7, given
         for _ in range(4):
             led.lead(0.0, command=word)
-        assert led.level == pytest.approx(BUDGET - given)
-        assert led.memory["tank"]["owed"][0] == pytest.approx(max(0.0, given - BUDGET))
+        assert led.free == pytest.approx(BUDGET - given)
 
 
 def test_a_resting_hand_gets_its_coupling_back_without_letting_go():
-    """A tank in debt keeps the spring slack: that forgets it."""
-    led = Led(0.0).stretched()
-    led.memory["tank"]["level"], led.memory["tank"]["owed"] = -3e7, 3e7
-    led.memory["tank"]["given"] = 0.0
+    """A spring in debt lets go: that forgets the debt. With 4 mm the budget pays for a share w of it, w K x²/2."""
+    led = Led(0.0, passivity__control=True).stretched()
+    led.account["free"], led.account["given"] = -3e7, 0.0
     for _ in range(100):
         led.lead(0.0)
-    assert led.force == pytest.approx(np.sqrt(2.0 * STIFFNESS * BUDGET), rel=0.1) and led.level >= 0.0
+    assert led.force == pytest.approx(2.0 * BUDGET / STRETCH, rel=1e-3) and led.free >= 0.0
 
 
 def test_enabling_again_and_again_gives_one_budget_in_all():
     """A tool that pulls the handle: all that the tank gives is given, and the handle is let go."""
     led, work = Led(0.0), 0.0
-    damping = led.settings["hardware"]["damping"][0, 0]
     for _ in range(8):
         for k in range(60):
             led.tool = led.place + 0.01
             force = float(led.row["force_on_handle"][0, 0])
-            way = force * PERIOD / (4.0 * damping)
+            way = force * PERIOD / (4.0 * led.damping)
             led.lead(way, command=enable_state.ENABLE if k < 50 else 0)
-            work += force * way - damping * way * way / PERIOD
+            work += force * way - led.damping * way * way / PERIOD
     assert BUDGET / 10.0 < work <= BUDGET
 
 
@@ -179,13 +147,13 @@ def test_a_handle_that_is_let_go_gets_back_no_more_than_its_damper_takes_however
     """At rest the encoder flickers by a step: 20 µm to and fro in every tick would be 5 mW, were it a way."""
     led = Led(0.0, step=2e-5)
     led.lead(0.0, command=0).lead(0.0, command=0)
-    led.memory["tank"]["level"], led.memory["tank"]["given"] = 0.0, BUDGET
+    led.account["free"], led.account["given"] = 0.0, BUDGET
     time = 0.01 / speed if speed else 2.0
     for k in range(round(time / PERIOD)):
         led.lead(speed * PERIOD if speed else led.step * (-1.0) ** k, command=0)
     taken = led.damping * speed**2 * time
-    assert led.level <= taken < BUDGET
-    assert speed < 0.1 or led.level > 0.3 * taken
+    assert led.free <= taken < BUDGET
+    assert speed < 0.1 or led.free > 0.3 * taken
 
 
 def test_a_stretched_coupling_gives_nothing_to_a_resting_handle_whose_encoder_flickers():
@@ -212,7 +180,7 @@ def test_a_handle_whose_damping_is_cancelled_gets_one_budget_in_all():
 
 def test_what_the_coupling_gave_until_a_tool_sample_that_is_no_number_is_counted():
     led = Led(0.0).stretched()
-    led.memory["tank"]["given"], force, way = 0.02, led.force, 1e-5
+    led.account["given"], force, way = 0.02, led.force, 1e-5
     led.tool = np.nan
     led.lead(way)
     assert led.row["fault"][0] == faults.NOT_A_NUMBER
@@ -222,9 +190,9 @@ def test_what_the_coupling_gave_until_a_tool_sample_that_is_no_number_is_counted
 @pytest.mark.parametrize("hold, speed", [(0.001, FASTEST), (0.05, 0.2), (0.05, FASTEST)])
 def test_missed_ticks_give_no_more_beyond_the_budget_than_one_of_their_holds_can(hold, speed):
     """A hand goes with the force for all of each hold: that gives min(F v, F²/4b) times its length, and once only."""
-    led, given, most = Led(0.0).stretched(), 0.0, 0.0
-    damping, limit = led.settings["hardware"]["damping"][0, 0], led.settings["force"]["limit"][0, 0]
-    paid = led.level + led.stored - BUDGET  # what the hand had put in, and the budget
+    led, given, most = Led(0.0, passivity__control=True).stretched(), 0.0, 0.0
+    damping, limit = led.damping, led.settings["force"]["limit"][0, 0]
+    paid = led.books  # what the hand had put in
     for _ in range(20):
         for time in (hold, PERIOD, PERIOD):
             force = float(led.row["force_on_handle"][0, 0])
@@ -263,7 +231,7 @@ def test_where_writes_are_late_beyond_the_margin_for_a_second_the_force_is_back_
 
 
 class Clutched(Led):
-    """With a free tool; forged: the most [J] that tank, spring and what was shipped ever were above the truth."""
+    """With a free tool; forged: the most [J] that account, spring and what was shipped ever were above the truth."""
 
     contact, work, forged = 0.0, 0.0, -np.inf
 
@@ -271,11 +239,7 @@ class Clutched(Led):
         # the work of the motor, less the least that the damper takes
         self.work += float(self.row["force_on_handle"][0, 0]) * way - self.damping * way * way / time
         super().lead(way, time, command)
-        spring, tank, row = self.memory["spring"][0], self.memory["tank"][0], self.row[0]
-        stretch = row["coupling_position"][0] - row["position"][0]
-        stored = virtual_coupling.spring_store(spring["stiffness"][0], spring["limit"][0], stretch)
-        books = float(tank["level"] + stored + tank["shipped"] - tank["returned"]) - BUDGET
-        self.forged = max(self.forged, self.work + books)
+        self.forged = max(self.forged, self.work + self.books)
         return self
 
 

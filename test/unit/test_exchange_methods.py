@@ -1,78 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exchange methods as laws: what a tank pays, and what is believed of a message."""
+"""Exchange methods as laws: how far a set position goes, and what is believed of a message."""
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_device.control import exchange_samples, set_position, virtual_coupling
+from haptic_device.control import exchange_samples, rows, set_position
 
-FORCE = st.floats(-50.0, 50.0)
 STRETCH = st.floats(-0.1, 0.1)
 
 
 @given(stiffness=st.floats(1.0, 1e5), limit=st.floats(0.1, 50.0), start=STRETCH, end=STRETCH)
 def test_the_store_of_the_clamped_spring_is_the_integral_of_its_force(stiffness, limit, start, end):
+    row = np.zeros(1, rows.ROW)[0]
+    row["stiffness"], row["low"], row["high"], row["weight"] = stiffness, -limit, limit, 1.0
     steps = 4000
     way = (end - start) / steps
-    work = sum(virtual_coupling.spring_force(stiffness, limit, start + (k + 0.5) * way) * way for k in range(steps))
-    grown = virtual_coupling.spring_store(stiffness, limit, end) - virtual_coupling.spring_store(
-        stiffness, limit, start
-    )
+    work = sum(rows.pull(row, start + (k + 0.5) * way, 0.0)[0] * way for k in range(steps))
+    grown = rows.pull(row, end, 0.0)[2] - rows.pull(row, start, 0.0)[2]
     assert grown == pytest.approx(work, rel=1e-3, abs=stiffness * way * way + 1e-12)
-
-
-@given(
-    stretches=st.lists(STRETCH, min_size=1, max_size=3),
-    stiffness=st.floats(1.0, 1e5),
-    limit=st.floats(0.1, 50.0),
-    available=st.floats(0.0, 1.0),
-)
-def test_a_shortened_stretch_holds_no_more_than_is_available_and_all_that_can_be_paid_is_kept(
-    stretches, stiffness, limit, available
-):
-    wanted = sum(virtual_coupling.spring_store(stiffness, limit, s) for s in stretches)
-    square = sum(0.5 * stiffness * s * s for s in stretches)
-    share = set_position.scale_to_available_energy(available, wanted, square)
-    held = sum(virtual_coupling.spring_store(stiffness, limit, share * s) for s in stretches)
-    assert held <= available * (1.0 + 1e-12) + 1e-300 or share == 1.0
-    assert (share == 1.0) == (wanted <= available)
-    if max(abs(s) for s in stretches) * stiffness < limit and wanted > available:
-        assert held == pytest.approx(available, rel=1e-9, abs=1e-15)
-
-
-@given(tank=st.floats(0.0, 0.1), force=FORCE, surplus=st.floats(1e-3, 5.0), moved=st.floats(-1e-3, 1e-3))
-def test_no_motion_draws_more_from_the_tank_than_it_has_for_the_set_positions_own_velocity(tank, force, surplus, moved):
-    period = 0.25e-3
-    damped = set_position.damped_draw(force, surplus, period)
-    share = set_position.damper_share(tank, damped, damped)
-    assert tank - share * force * moved + surplus * moved * moved / period >= -1e-12
-    worst = 0.5 * share * force * period / surplus
-    if share < 1.0:
-        assert tank - share * force * worst + surplus * worst**2 / period == pytest.approx(0.0, abs=1e-12)
-
-
-@given(tank=st.floats(0.0, 0.01), force=FORCE, surplus=st.floats(0.0, 5.0), way=st.floats(-1.0, 1.0))
-def test_nor_does_one_within_the_speed_limit_where_no_damping_is_left(tank, force, surplus, way):
-    period, fastest = 0.25e-3, 2.0
-    worst = set_position.worst_draw(force, surplus, fastest, period)
-    share = set_position.damper_share(tank, worst, set_position.damped_draw(force, surplus, period))
-    moved = way * fastest * period
-    assert share * force * moved - surplus * moved * moved / period <= tank + 1e-12
-    assert worst <= abs(force) * fastest * period and (surplus > 0.0 or worst == abs(force) * fastest * period)
-
-
-@given(way=st.lists(st.floats(-1e-3, 1e-3), min_size=1, max_size=16), step=st.floats(0.0, 1e-4))
-def test_counted_dissipation_is_never_more_than_what_the_way_dissipates(way, step):
-    period, counted, gone, truth = 0.25e-3, 0.0, 0.0, 0.0
-    for number, moved in enumerate(way, 1):
-        gone, truth = gone + moved, truth + moved * moved / period
-        before, counted = counted, set_position.dissipated(counted, gone, step, number * period)
-        assert before <= counted <= truth * (1.0 + 1e-9) + 1e-15
-    assert set_position.dissipated(0.0, 5e-6, 5e-6, 0.25e-3) == 0.0  # an encoder that flickers by a step
-    assert set_position.dissipated(0.0, 10e-6, 5e-6, 0.25e-3) == pytest.approx(25e-12 / 0.25e-3)
 
 
 @given(before=STRETCH, wanted=STRETCH, moved=st.floats(-1e-3, 1e-3), reach=st.floats(0.0, 1e-3))

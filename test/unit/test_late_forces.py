@@ -22,7 +22,7 @@ from haptic_sim.lockstep.lockstep import Lockstep
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene.language import load
 
-METHODS = "pspm", "local"
+METHODS = "pspm", "local", "direct"
 CASE = {case.name: case for case in CASES}
 
 
@@ -51,7 +51,7 @@ def test_no_path_of_the_same_way_is_given_more_by_forces_that_change_within_a_ho
 
 
 TRIED = [
-    (method, case) for k, case in enumerate(CASES) for method in METHODS if searching() or method == METHODS[k % 2]
+    (method, case) for k, case in enumerate(CASES) for method in METHODS if searching() or method == METHODS[k % 3]
 ]
 
 
@@ -64,7 +64,7 @@ def test_no_late_forces_messages_orders_or_changes_of_settings_are_found_that_dr
 @pytest.mark.parametrize("method, name", [("pspm", "500 µs late"), ("local", "500 µs late")])
 def test_the_same_search_draws_many_budgets_from_a_driver_that_is_not_told_of_the_delay(method, name):
     settings = untold(settings_of(method, CASE[name]))
-    found = adversary.search(settings, CASE[name].against._replace(books=1, full=1), 30, 1500, 1)
+    found = adversary.search(settings, CASE[name].against._replace(books=1, full=1), 30, 4000, 1)
     assert found.overcredit > 20.0 * BUDGET
 
 
@@ -92,12 +92,12 @@ def passive_hand(damping, told=True):
 
 
 def test_a_passive_hand_that_shakes_a_late_device_is_given_no_more_than_the_budget_and_many_where_nobody_tells_it():
-    system, given = passive_hand(2.1)
+    system, given = passive_hand(1.58)
     assert gain_check.refusal(system.settings[0], 1e-3) == ""
     assert given <= system.settings["exchange"]["budget"][0]
-    untold_of_it, given = passive_hand(1.58, told=False)
+    untold_of_it, given = passive_hand(1.4, told=False)
     assert given > 20.0 * system.settings["exchange"]["budget"][0]
-    assert "needs b > 2 " in gain_check.refusal(untold_of_it.settings[0], 1e-3)
+    assert "needs b > 1.5 " in gain_check.refusal(untold_of_it.settings[0], 1e-3)
 
 
 def credited(method, case, path, **more):

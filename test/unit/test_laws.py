@@ -7,15 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from lockstep_systems import wall_system
 
 from haptic_device.control import (
     exchange_samples,
     fault_watch,
     faults,
     motor,
+    rows,
     sensing,
-    virtual_coupling,
     virtual_wall,
 )
 
@@ -23,10 +22,18 @@ number = st.floats(-100.0, 100.0)
 gain = st.floats(0.0, 1e4)
 
 
+def row(stiffness, low, high, angle=0.0, offset=0.0, damping=0.0):
+    """A row of this normal angle [rad]; a wall has low = 0."""
+    one = np.zeros(1, rows.ROW).view(np.recarray)[0]
+    one.normal[:2], one.offset, one.stiffness = (math.cos(angle), math.sin(angle)), offset, stiffness
+    one.low, one.high, one.weight, one.damping = low, high, 1.0, damping
+    return one
+
+
 @given(gain, gain, number, number)
 def test_spring_forces_on_handle_and_tool_are_equal_and_opposite(stiffness, limit, handle, tool):
-    on_handle = virtual_coupling.spring_force(stiffness, limit, tool - handle)
-    assert on_handle == -virtual_coupling.spring_force(stiffness, limit, handle - tool)
+    coupling = row(stiffness, -limit, limit)
+    assert rows.pull(coupling, tool - handle, 0.0)[0] == -rows.pull(coupling, handle - tool, 0.0)[0]
 
 
 @given(gain, gain, st.floats(-0.1, 0.1), number)
@@ -47,15 +54,19 @@ def test_inside_a_wall_spring_and_damper_add_and_the_leaving_handle_is_not_held(
 @given(st.floats(0.0, 2 * math.pi), st.floats(-1.0, 1.0), number, number)
 def test_depth_in_a_wall_is_the_way_back_along_its_normal(angle, offset, x, y):
     nx, ny = math.cos(angle), math.sin(angle)
-    depth = virtual_wall.wall_depth(nx, ny, offset, x, y)
-    assert abs(virtual_wall.wall_depth(nx, ny, offset, x + depth * nx, y + depth * ny)) < 1e-9
+    wall = row(1.0, 0.0, 1.0, angle, offset)
+    depth = rows.stretch(wall, np.array([x, y, 0.0]))
+    assert abs(rows.stretch(wall, np.array([x + depth * nx, y + depth * ny, 0.0]))) < 1e-9
 
 
-def test_a_walls_force_is_minus_the_slope_of_its_store():
-    settings, step = wall_system(800.0, 0.0).settings.view(np.recarray)[0], 1e-6
-    for depth in (-0.01, 0.003):
-        slope = virtual_wall.stored(settings, 0, depth + step) - virtual_wall.stored(settings, 0, depth - step)
-        assert slope / (2 * step) == pytest.approx(virtual_wall.wall_force(800.0, 0.0, depth, 0.0), abs=1e-6)
+@pytest.mark.parametrize("low", [0.0, -2.0])
+def test_a_springs_force_is_the_slope_of_its_store_within_its_limit_and_beyond(low):
+    step = 1e-6
+    for stretch in (-0.01, -0.001, 0.001, 0.01):
+        store = [rows.pull(row(800.0, low, 2.0), stretch + change, 0.0)[2] for change in (-step, step)]
+        force = max(low, min(2.0, 800.0 * stretch))
+        assert (store[1] - store[0]) / (2 * step) == pytest.approx(force, abs=1e-6)
+        assert rows.pull(row(800.0, low, 2.0), stretch, 0.0)[0] == pytest.approx(force)
 
 
 @given(number, number, number, st.floats(0.01, 10.0), number)

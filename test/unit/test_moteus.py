@@ -196,4 +196,4 @@ def test_the_described_knob_carries_the_drivers_own_coupling_at_1_khz_with_1_ms_
     assert moteus.codec(options, device).asks
     (axis,) = device.axes
     assert axis.counts_per_unit * 2 * math.pi * 0.05 == pytest.approx(100_000)
-    assert passivity.coupling_damping(1000.0, 1.0, 1e-3, 1e-3) < axis.damping
+    assert passivity.least_damping(1000.0, 1.0, 1e-3, 1e-3, 1e-3) < axis.damping

@@ -22,7 +22,7 @@ def test_the_walks_have_all_their_hops_and_the_page_names_their_files():
 @pytest.mark.parametrize(
     "chain, sentence",
     [
-        ("gain_check:judge > control/passivity:least_damping", "no hop from judge to control/passivity:least_damping"),
+        ("gain_check:judge > control/passivity:weights", "no hop from judge to control/passivity:weights"),
         ("gain_check:judge > gone", "gain_check:gone is in 0 files"),
         ("gain_check:judge\nmotor:command", "no hop from what comes before to motor:command"),
     ],

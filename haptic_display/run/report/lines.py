@@ -97,8 +97,8 @@ def energies(run: Run) -> Entries:
     margin = np.fmin.reduce(run.rows["margin"], axis=0)
     units = ("N s/m", "N s/m", "N m s/rad")
     yield "least margin x, y, θ", ", ".join(plain(float(m), unit) for m, unit in zip(margin, units, strict=True))
-    acted = run.rows["injections"][-1] - run.rows["injections"][0]
-    yield "ticks in which the controller acted", f"{acted:.0f}" if np.isfinite(acted) else UNKNOWN
+    short = run.rows["exchange_shortened"][-1] - run.rows["exchange_shortened"][0]
+    yield "ticks in which the coupling was kept short", f"{short:.0f}" if np.isfinite(short) else UNKNOWN
 
 
 def truth(run: Run) -> Entries:

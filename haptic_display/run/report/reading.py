@@ -16,7 +16,7 @@ TRACE = np.dtype(  # a tick in a quarter of its full size: ten minutes at 4 kHz 
     + [("exchange_fade", "f4"), ("coupling_position", "f4", (3,)), ("coupling_velocity", "f4", (3,))]
     + [(name, "f4") for name in ("lateness", "compute", "tool_age", "tool_contact", "engage", "fault", "withheld")]
     + [(name, "f4") for name in ("device_status", "stamp_error")]
-    + [("injections", "f8")]  # f4 counts to 2**24 only: four hours at 1 kHz
+    + [("exchange_shortened", "f8")]  # f4 counts to 2**24 only: four hours at 1 kHz
     + [(name, "f4", (3,)) for name in ("force_coupling", "force_on_handle", "force_walls", "energy_given", "margin")]
 )
 HANDLE = ("exchange_method", "stiffness", "damping", "rotational_stiffness", "rotational_damping")
