@@ -15,7 +15,7 @@ from haptic_device.process import ending_with_us
 from haptic_display.device_tools import conformance
 from haptic_display.run import reference_device
 
-BUDGET = next(parameter.default for parameter in DRIVER if parameter.name == "passivity.budget")  # [J]
+BUDGET = next(parameter.default for parameter in DRIVER if parameter.name == "exchange.budget")  # [J]
 
 
 @contextlib.contextmanager

@@ -9,7 +9,7 @@ from live_demo import BUSY, demos
 
 from haptic_device.config.parameters import DRIVER
 
-BUDGET = next(parameter.default for parameter in DRIVER if parameter.name == "passivity.budget")  # [J]
+BUDGET = next(parameter.default for parameter in DRIVER if parameter.name == "exchange.budget")  # [J]
 
 
 def found_of(run):
