@@ -116,13 +116,13 @@ ACCOUNT = record(
 )
 STATE = np.dtype(
     [
-        # sensing: device units but for handle*, which is in the world. Of this tick: handle_before; time since the last
-        # sample (elapsed), by how much it may be another (unsure), and without missed ticks (held) [s]
+        # sensing: device units but for handle*, which is in the world. Of this tick: time since the last sample
+        # (elapsed), and by how much it may be another (unsure) [s]
         (
             "motion",
             record(
-                "started sample_time sample_error sample_deadline stale_ticks elapsed unsure held device_position*"
-                " device_velocity* moved* handle* handle_before* clutch_offset* clutched"
+                "started sample_time sample_error stale_ticks elapsed unsure device_position* device_velocity* moved*"
+                " handle* clutch_offset* clutched"
             ),
         ),
         ("samples", record("count times^ errors^ x^ y^ theta^")),

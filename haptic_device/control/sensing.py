@@ -36,10 +36,9 @@ def sense(settings, motion, samples, compensation, fault, sensors, output):
             fault, damping_compensation.filter_drag(settings, compensation, i, sensors.drag[i], motion.elapsed)
         )
     for i in range(motion.handle.size):
-        motion.handle_before[i], motion.handle[i] = motion.handle[i], output.position[i]
+        motion.handle[i] = output.position[i]
     if motion.stale_ticks == 0.0:
         motion.sample_time, motion.sample_error = sensors.latched, sensors.stamp_error
-        motion.sample_deadline = sensors.deadline
     motion.started = 1.0
 
 
@@ -62,9 +61,6 @@ def _keep_time(motion, samples, sensors):
     fresh = motion.elapsed > 0.0 or not motion.started
     motion.stale_ticks = 0.0 if fresh else motion.stale_ticks + 1.0
     motion.unsure = (motion.sample_error + sensors.stamp_error) * 1e-9 if motion.started else 0.0
-    motion.held = motion.elapsed
-    if motion.unsure > 0.0:  # a missed tick shows in the deadlines
-        motion.held = max(motion.elapsed - motion.unsure, (sensors.deadline - motion.sample_deadline) * 1e-9)
     if fresh:
         samples.count += 1.0
         newest = int(samples.count) % velocity_estimator.KEPT

@@ -32,7 +32,7 @@ Else it is the field's name alone for groups in ALONE, and group_field."""
 ALONE = {"hardware", "virtual_tool.contacts", *STATE.names} - {"account", "coupling", "exchange", "change", "hold"}
 MADE_ANEW = (
     {"walls.depth", "walls.whole", "account.short", "wished", "trial"}
-    | {f"motion.{name}" for name in ("handle_before", "elapsed", "unsure", "held")}
+    | {f"motion.{name}" for name in ("elapsed", "unsure")}
     | {
         f"account.{name}"
         for name in (
@@ -51,7 +51,7 @@ MADE_ANEW = (
     }
 )
 """Fields that a tick fills in before it reads them, or leaves at 0: no part of a snapshot."""
-SINCE = {"motion.sample_error", "motion.sample_deadline", "samples.errors", "fade.apart", "hardware.stamp_error"}
+SINCE = {"motion.sample_error", "samples.errors", "fade.apart", "hardware.stamp_error"}
 """Fields that bags of before lack, where they were 0."""
 
 

@@ -278,7 +278,7 @@ def test_a_long_hold_pays_for_what_the_force_gave_and_counts_the_worst_time_wher
     assert row["fault"][0] == faults.DEVICE_WATCHDOG and not row["motor"].any()
     assert before - books(given, memory, row) == pytest.approx(max(0.0, force * way) - b * way * way / hold, rel=1e-3)
     most = max(0.0, force * way) + force**2 * hold / (16.0 * b)  # cut half way: this much it may have given
-    assert memory["account"]["given"][0] == pytest.approx(most, rel=0.05)
+    assert memory["account"]["given"][0] == pytest.approx(most, rel=1e-6)
 
 
 @pytest.mark.parametrize("periods", [1, 3, 11])

@@ -183,13 +183,15 @@ def test_a_limit_that_rises_at_a_wall_costs_what_its_clamped_spring_gains_and_wa
     normal = np.array(OBLIQUE[:2]) / np.hypot(*OBLIQUE[:2])
     hand = Limited([OBLIQUE], 5.0, **PAID).follow(line((0.0, 0.0), -0.0015 * normal))
     stored = [store(8000.0, limit / normal[0], 0.0015) for limit in (5.0, 6.0)]
-    assert raised(hand, 6.0) == pytest.approx(stored[1] - stored[0], rel=1e-4)
+    hides = sum(normal) / normal[0] / COUNTS  # [J/N] of the force along x that changes: a step of way on either axis
+    assert raised(hand, 6.0) == pytest.approx(stored[1] - stored[0] + hides, rel=1e-6)
     assert hand.forces[-1][:2] == pytest.approx(6.0 / normal[0] * normal)
     poor = Limited([OBLIQUE], 5.0, **PAID).follow(line((0.0, 0.0), -0.004 * normal))
     there, before = poor.free, float(poor.row.stored[0])
     paid = raised(poor, 15.0)
     assert 5.1 < poor.forces[-1][0] < 14.0
-    assert poor.row.stored[0] - before == pytest.approx(paid, rel=1e-3)  # what the limit cuts on the way is paid too
+    rise, hidden = poor.row.stored[0] - before, hides * (poor.forces[-1][0] - 5.0)
+    assert rise <= paid <= rise + 3.0 * hidden  # weight and limit both move: the force changes by more than it rises
     assert 0.99 * there < paid <= there + ROUNDING
     poor.follow(line(-0.004 * normal, 0.001 * normal))
     raised(poor, 15.0)
