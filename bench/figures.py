@@ -56,9 +56,8 @@ def main(folder: Annotated[Path, typer.Argument(show_default="docs")] = ROOT / "
     }
     for name, figure in pictures.items():
         figure.savefig(folder / "figures" / f"{name}.png", dpi=110)
-    pareto_figure(read_csv(STORED / "speed_error.csv", measure.Run)).savefig(
-        folder / "benchmarks" / "pareto.png", dpi=DPI
-    )
+    pareto = pareto_figure(read_csv(STORED / "speed_error.csv", measure.Run))
+    pareto.savefig(folder / "benchmarks" / "pareto.png", dpi=DPI)
     for name in SHOTS if PHOTOGRAPHS.is_dir() else ():  # flat colours: a palette makes a picture a third as large
         shot = Image.open(PHOTOGRAPHS / f"{name}.png").convert("RGB")
         shot.quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE).save(

@@ -150,14 +150,5 @@ def _speed_error(found):
         yield Figure(f"least speed ratio at equal error, {kind}, to {peer}", ratio, "×", f"≥ {wanted:g}")
 
 
-READERS = {
-    "start": _start,
-    "servo": _servo,
-    "link": _link,
-    "round_trip": _round_trip,
-    "load": _load,
-    "costs": _costs,
-    "exchange": _exchange,
-    "hard_cases": _hard_cases,
-    "speed_error": _speed_error,
-}
+_ALL = _start, _servo, _link, _round_trip, _load, _costs, _exchange, _hard_cases, _speed_error
+READERS = {reader.__name__[1:]: reader for reader in _ALL}

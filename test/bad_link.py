@@ -61,9 +61,7 @@ class Way:
         self.source, self._target, self._random = source, target, random.Random(seed)
         self._number, self._flying = itertools.count(), []
 
-    @property
-    def due(self):
-        return self._flying[0][0] if self._flying else float("inf")
+    due = property(lambda self: self._flying[0][0] if self._flying else float("inf"))
 
     def carry(self, network, now):
         """Takes what has come, sends what is due."""

@@ -66,10 +66,8 @@ class Changing(Lockstep):
         given = np.array(self.given)
         return float(np.max(given - np.minimum.accumulate(given + self.held)))
 
-    @property
-    def budget(self):
-        """Energy [J] that may be given before any has been paid."""
-        return float(self.settings["exchange"]["budget"][0])
+    # energy [J] that may be given before any has been paid
+    budget = property(lambda self: float(self.settings["exchange"]["budget"][0]))
 
     @property
     def paid(self):
@@ -77,10 +75,8 @@ class Changing(Lockstep):
         left = np.array([row.exchange_tank + row.exchange_energy for row in self.rows])
         return float(np.max(np.maximum.accumulate(left) - left))
 
-    @property
-    def slew(self):
-        """What springs and dampers together may change the force by in a tick beyond the handle's own motion [N]."""
-        return 1.25 * float(self.settings["exchange"]["slew"][0, 0]) / RATE + 1e-9
+    # what springs and dampers together may change the force by in a tick beyond the handle's own motion [N]
+    slew = property(lambda self: 1.25 * float(self.settings["exchange"]["slew"][0, 0]) / RATE + 1e-9)
 
     @property
     def there(self):

@@ -27,26 +27,29 @@ class Sample(NamedTuple):
     deadline: int
 
 
+AXES = description.AXES
+AXIS = {"counts_per_unit": 1000.0, "workspace": [-1.0, 1.0], "velocity_limit": 10.0, "mass": 0.1, "damping": 1.0}
+
+
 def device(axes, motor_limit=1000.0, motor_constant=1.0):
     """A device description with so many axes; the limit of the motor in motor units is motor_limit/motor_constant."""
-    axis = {
-        "counts_per_unit": 1000.0,
-        "motor_limit": motor_limit,
-        "motor_constant": motor_constant,
-        "workspace": [-1.0, 1.0],
-        "velocity_limit": 10.0,
-        "mass": 0.1,
-        "damping": 1.0,
-    }
-    return description.parse(
-        {"name": "tested", "axes": [axis | {"name": n} for n in description.AXES[:axes]]}, "tested"
-    )
+    made = [AXIS | {"name": n, "motor_limit": motor_limit, "motor_constant": motor_constant} for n in AXES[:axes]]
+    return description.parse({"name": "tested", "axes": made}, "tested")
 
 
-def described(name, kind):
-    """(options, device) of a description in config/devices with a link of this kind."""
+def five_bars(motor_limit=1000.0, motor_constant=1.0, theta=False):
+    """A Haply 2DIY, with a third axis or not; the limit of its motors in motor units is motor_limit/motor_constant."""
+    content = yaml_reader.load(DEVICES / "haply_2diy_gen3.yaml")
+    for joint in content["joints"]:
+        joint |= {"torque_limit": motor_limit, "torque_constant": motor_constant}
+    content["axes"] = [AXIS | {"name": "theta", "motor_limit": 1.0}] * theta
+    return description.parse(content, "tested")
+
+
+def described(name, kind, **link):
+    """(options, device) of a description in config/devices, with a link of this kind: a Haply where it has none."""
     content = yaml_reader.load(DEVICES / f"{name}.yaml")
-    link = content.pop("link")
+    link = content.pop("link", {"type": "haply", "port": "/dev/none"} | link)
     assert LINKS[link.pop("type")] == kind.__name__
     return kind.Options(**link), description.parse(content, name)
 

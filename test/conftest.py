@@ -6,6 +6,7 @@ import gc
 import os
 import signal
 import subprocess
+import uuid
 
 import hypothesis
 import pytest
@@ -13,7 +14,7 @@ import waiting
 
 from haptic_device.jit import ensure_compiled
 from haptic_device.process import ending_with_us
-from haptic_device.realtime import machine
+from haptic_device.realtime import machine, shared_memory
 from haptic_device.realtime.servo_thread import PRIORITY
 from haptic_display.run.domain import isolated_domain
 
@@ -123,3 +124,14 @@ def _end(process, patience=20.0):
     for stream in (process.stdin, process.stdout, process.stderr):
         if stream is not None:
             stream.close()
+
+
+@pytest.fixture
+def space():
+    """A namespace of the test's own, whose page is gone after it."""
+    space = f"/test_{uuid.uuid4().hex}"
+    yield space
+    left = [*shared_memory.FOLDER.glob(f"*{space[1:]}*")]
+    for page in left:
+        page.unlink()
+    assert not left, "the page was left"

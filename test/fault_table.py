@@ -8,6 +8,7 @@ import numpy as np
 from lockstep_systems import device, values
 from ticks import tick
 
+from haptic_device.config import kinematics
 from haptic_device.control import controller_config, enable_state, faults, records
 
 PERIOD = 1 / 4000.0
@@ -129,6 +130,18 @@ def _number(runner, share):
     return runner.tick()
 
 
+def _stretched(runner, share):
+    """Two links in place of x and y; beyond 1 the elbow, which was bent by 0.5 rad, is bent to its other side."""
+    settings, place = runner.settings, runner.position[0]
+    x, y = kinematics.Kinematics(type="serial_2r", proximal=0.1, distal=0.1).pose(0.0, 0.5)[:2]
+    settings["linkage"] = kinematics.SERIAL_2R, 0.0, 0.1, 0.1, 1.0, 0.0, x - place, y
+    settings["port"]["joints"] = 2.0
+    for elbow in (0.5, math.copysign(0.5, 1.0 - share)):
+        settings["hardware"]["zero"][0, :2], runner.memory["motion"]["joint"][0, :2] = (place, -elbow), (0.0, elbow)
+        row = runner.tick()
+    return row
+
+
 def _status(bit):
     return lambda runner, share: runner.tick(device_status=faults.FRESH | (faults.CLAMPED if share < 1.0 else bit))
 
@@ -168,4 +181,5 @@ PROVOKED = {
     ),
     "device_encoder": Provoked(_status(faults.BROKEN_ENCODER), lasts={"device_status": faults.BROKEN_ENCODER}),
     "device_clock": Provoked(_status(faults.CLOCK), lasts={"device_status": faults.CLOCK}),
+    "unreachable": Provoked(_stretched, r"the joints were at 0°, −28\.65°"),
 }

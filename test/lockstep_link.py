@@ -86,60 +86,78 @@ def _compiled():
     return step, kernel(types.Tuple(LISTS)(ENCODE, DECODE))(_listed)
 
 
-class Joints:
-    """An emulator and its joints as a mechanism: arcs of levers of this length [m]; lay: the place of angle 0."""
+class Emulated:
+    """An emulator as a mechanism."""
 
     datagram = False
 
-    def __init__(self, emulator, joints, length, kind, options, device, lay=0.0):
-        self.emulator, self.joints, self.length, self._lay = emulator, joints, length, lay
+    def __init__(self, emulator, log, kind, options, device):
+        self.emulator, self.log, self.next = emulator, log, BEGAN
         self.codec, self.description = kind.codec(options, device), device
-        self.log, self.next = emulator.log, BEGAN
-
-    def hold(self, goal):
-        """The hand pulls the first joint to this place [m]; its spring and damper suit the joint's inertia."""
-        joint, squared = self.joints[0], self.length**2
-        joint.goal, joint.spring, joint.damper = (goal - self._lay) / self.length, 300.0 * squared, 8.0 * squared
 
     def serve(self, data, now):
         self.next = now + HAND_STEP
         answer = self.emulator.serve(data, now)
         return [answer] if answer else []
 
-    @property
-    def due(self):
-        return min(self.next, self.emulator.due)
+    due = property(lambda self: min(self.next, self.emulator.due))
+
+
+class Knob(Emulated):
+    """A moteus knob whose lever stands there [m]; x is the arc of its end."""
+
+    def __init__(self, place=0.0, watchdog=0.1):
+        emulated, log = codec_host.emulated("moteus"), codec_host.Log()
+        self.length, drive = emulated.LEVER, emulated.Drive(1, log, place / emulated.LEVER / math.tau)
+        self.joint = drive.motor
+        options, device = codec_host.described("moteus_knob", moteus)
+        super().__init__(
+            emulated.Bus(log, {1: drive}), log, moteus, options.model_copy(update={"watchdog": watchdog}), device
+        )
+
+    def hold(self, goal):
+        """The hand pulls the lever's end to this place [m]."""
+        joint, squared = self.joint, self.length**2
+        joint.goal, joint.spring, joint.damper = goal / self.length, 300.0 * squared, 8.0 * squared
+
+    force = property(lambda self: self.joint.torque / self.length)
+    speed = property(lambda self: self.joint.velocity * self.length)
+    given = property(lambda self: self.joint.given)
+
+
+class Arms(Emulated):
+    """A Haply 2DIY; once its board is set up in the rest pose a hand has led the handle to this x [m], half way up."""
+
+    def __init__(self, place=0.0):
+        log = codec_host.Log()
+        board = codec_host.emulated("haply").Board(log)
+        super().__init__(board, log, haply, *codec_host.described("haply_2diy_gen3", haply))
+        self.arms, self._led = board.arms, False
+        (low, high), (x, y) = self.description.axes[1].workspace, self.description.kinematics.origin
+        self._middle = x, y + 0.5 * (low + high)
+        self.hold(place)
+
+    def hold(self, goal):
+        """The hand pulls the handle to this x [m]."""
+        self._goal = self._middle[0] + goal, self._middle[1]
+        if self._led:
+            self.arms.hold(*self._goal)
+
+    def serve(self, data, now):
+        answer = super().serve(data, now)
+        if not self._led and self.log.said("setup"):
+            self._led = True
+            self.arms.lead(*self.description.kinematics.angles(*self._goal)[0])
+        return answer
 
     @property
     def force(self):
-        """Of the motor on the first axis [N]."""
-        return self.joints[0].torque / self.length
+        """x of the motors' force at the handle [N]: of J⁻ᵀ τ."""
+        jacobian = np.reshape(self.description.kinematics.pose(*self.arms.angles)[2:6], (2, 2))
+        return np.linalg.solve(jacobian.T, self.arms.torque)[0]
 
-    @property
-    def speed(self):
-        return self.joints[0].velocity * self.length
-
-    @property
-    def given(self):
-        return sum(joint.given for joint in self.joints)
-
-
-def knob(place=0.0, watchdog=0.1):
-    """A moteus knob whose lever stands there [m]."""
-    emulated, log = codec_host.emulated("moteus"), codec_host.Log()
-    bus = emulated.Bus(log, {1: emulated.Drive(1, log, place / emulated.LEVER / math.tau)})
-    bus.log = log
-    options, device = codec_host.described("moteus_knob", moteus)
-    options = options.model_copy(update={"watchdog": watchdog})
-    return Joints(bus, [bus.drives[1].motor], emulated.LEVER, moteus, options, device)
-
-
-def two_joints():
-    """A Haply 2DIY, as it lies."""
-    emulated, log = codec_host.emulated("haply"), codec_host.Log()
-    board = emulated.Board(log)
-    board.log = log
-    return Joints(board, board.joints, emulated.LINK, haply, *codec_host.described("haply_2diy", haply), lay=0.0648)
+    speed = property(lambda self: self.arms.memory["velocity"][0, 0])
+    given = property(lambda self: self.arms.memory["energy_given"][0])
 
 
 class Reference:
@@ -422,10 +440,6 @@ class Link:
     def reset(self):
         self.command += enable_state.RESET
 
-    @property
-    def state(self):
-        return int(self._row["state"][0])
+    state = property(lambda self: int(self._row["state"][0]))
 
-    @property
-    def fault(self):
-        return int(self._row["fault"][0])
+    fault = property(lambda self: int(self._row["fault"][0]))

@@ -61,13 +61,13 @@ class InPython:
     def at(self, time):
         """The state at this time: arrays of 3, and energy."""
         now, target, before = self.memory[0], np.zeros(3), np.zeros(3)
-        plant.take_motor(now)
+        plant.take_motor(self.record[0], now)
         while now["time"] < ns(time):
             end = plant.next_change(now, min(ns(time), int(now["time"]) + SUB_STEP))
             grip = operator_hand.target_at(self.motion[0], now["time"] * 1e-9 - self.begun, before)
             operator_hand.target_at(self.motion[0], end * 1e-9 - self.begun, target)
             plant.sub_step(self.record[0], now, end, target, grip)
-            plant.take_motor(now)
+            plant.take_motor(self.record[0], now)
         parts = {told: now[field].copy() for told, field in self.PARTS.items()}
         return SimpleNamespace(energy=float(now["energy_given"]), sensed=self.sense()[0] * 1e-12, **parts)
 

@@ -118,6 +118,4 @@ class World:
         """Of the coupling on the tool."""
         return framed(self.method.force_on_tool[:2], (0.0, 0.0, self.turn))
 
-    @property
-    def energy(self):
-        return sum(self.method.energy())
+    energy = property(lambda self: sum(self.method.energy()))

@@ -112,15 +112,9 @@ def measure(case: Case, params: str = "demo", live: bool = False) -> Figures:
         for scene, motion in (("wall", PRESS), ("free_space", CIRCLE))
     )
     damping, mass = _drag(circle.rows[int(0.2 * len(circle.rows)) : int(0.8 * len(circle.rows))])
-    return Figures(
-        stiffness(press.rows),
-        circle.error,
-        damping,
-        mass,
-        max(press.given, circle.given),
-        max(press.supplied, circle.supplied),
-        max(_jump(press.rows), _jump(circle.rows)),
-    )
+    given, supplied = max(press.given, circle.given), max(press.supplied, circle.supplied)
+    jump = max(_jump(press.rows), _jump(circle.rows))
+    return Figures(stiffness(press.rows), circle.error, damping, mass, given, supplied, jump)
 
 
 def _drag(rows):

@@ -130,13 +130,8 @@ def insertion(deep: float, gain: float, live: bool = False) -> tuple[float, floa
     """
     play, behind = peg.free_play(deep, 1e-6), peg.behind_coupling(gain, HAND)
     near, far = ((play + pull, peg.HEIGHT, 0.0) for pull in PULLS)
-    given = {
-        "coupling.stiffness": peg.COUPLING,
-        "coupling.damping": 1.0,
-        "coupling.rotational_stiffness": gain,
-        "coupling.rotational_damping": 0.002,
-        "local.compliance": SOFT,
-    }
+    coupling = {"stiffness": peg.COUPLING, "damping": 1.0, "rotational_stiffness": gain, "rotational_damping": 0.002}
+    given = {f"coupling.{name}": value for name, value in coupling.items()} | {"local.compliance": SOFT}
     hand = {"motion.name": "press_wall", "motion.start": near, "motion.target": far, "hand.rotational_stiffness": HAND}
     rows = _run(peg.peg(deep, 1e-6), "local", "1 kHz", given, hand, SMOOTH, PULLING, live=live, after=1.3).rows
     rows = rows[np.argmax(rows.engage >= 1.0) :]  # the motion begins with it

@@ -107,9 +107,8 @@ class World:
         if fixed and any(solid.surface_velocity):
             raise Impossible("no belt is written for Box2D here")
         kind, angle = pyb2d3.BodyType.STATIC if fixed else pyb2d3.BodyType.DYNAMIC, solid.pose[2]
-        body = self._world.create_body(
-            type=kind, position=solid.pose[:2], rotation=_rotation(angle), is_bullet=not fixed
-        )
+        at = {"position": solid.pose[:2], "rotation": _rotation(angle)}
+        body = self._world.create_body(type=kind, is_bullet=not fixed, **at)
         bits, material = sum(1 << layer for layer in solid.layers), self._scene.material(solid)
         described = pyb2d3.shape_def(
             material=pyb2d3.surface_material(friction=material.friction, restitution=material.restitution),

@@ -87,6 +87,7 @@ def _scene(pose, friction):
     }
     r = 0.5 * WIDTH
     peg = [[-r, -LENGTH], [r, -LENGTH], [r, -0.4 * LENGTH], [-r, -0.4 * LENGTH]]
+    body = {"mass": 0.1, "inertia": 3e-4, "material": "steel", "pose": list(pose), "shapes": [{"vertices": peg}]}
     return Scene.model_validate(
         {
             "name": "wedging",
@@ -95,12 +96,6 @@ def _scene(pose, friction):
                 {"name": name, "fixed": True, "material": "steel", "shapes": [{"vertices": vertices}]}
                 for name, vertices in sides.items()
             ],
-            "tool": {
-                "mass": 0.1,
-                "inertia": 3e-4,
-                "material": "steel",
-                "pose": list(pose),
-                "shapes": [{"vertices": peg}],
-            },
+            "tool": body,
         }
     )

@@ -134,12 +134,8 @@ def _moved(axis, state, mode, hand, time):
     if mode[0] == "hold":
         return state
     force = (axis.force - mode[1] * axis.friction) / axis.mass
-    return _transition(axis.stiffness / axis.mass, axis.damping / axis.mass, float(time)) @ [
-        *state,
-        *hand[0],
-        *hand[1],
-        force,
-    ]
+    moved = _transition(axis.stiffness / axis.mass, axis.damping / axis.mass, float(time))
+    return moved @ [*state, *hand[0], *hand[1], force]
 
 
 @functools.lru_cache(maxsize=256)

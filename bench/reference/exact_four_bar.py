@@ -24,9 +24,8 @@ def angles(lengths, crank: float) -> tuple[float, float]:
     x, y = d - a * math.cos(crank), -a * math.sin(crank)
     f = math.hypot(x, y)
     coupler = math.atan2(y, x) + math.acos((b * b + f * f - c * c) / (2.0 * b * f))
-    return coupler, math.atan2(
-        a * math.sin(crank) + b * math.sin(coupler), a * math.cos(crank) + b * math.cos(coupler) - d
-    )
+    end_x, end_y = a * math.cos(crank) + b * math.cos(coupler) - d, a * math.sin(crank) + b * math.sin(coupler)
+    return coupler, math.atan2(end_y, end_x)
 
 
 def four_bar(case: Case) -> dict[str, np.ndarray]:
@@ -65,12 +64,8 @@ class _Linkage:
         bars = {body.name: body for body in scene.bodies}
         self.left, self.right = bars["crank"].pose[:2], bars["rocker"].pose[:2]
         ends = {joint.name: joint.anchors for joint in scene.joints}
-        self.lengths = (
-            self.right[0] - self.left[0],
-            ends["coupler_pin"][0][0],
-            ends["rocker_pin"][0][0],
-            ends["rocker_pin"][1][0],
-        )
+        crank, (coupler, rocker) = ends["coupler_pin"][0][0], (pin[0] for pin in ends["rocker_pin"])
+        self.lengths = self.right[0] - self.left[0], crank, coupler, rocker
         self.start, self.gravity, self.gains = bars["crank"].pose[2], scene.gravity, case.gains
         self.tool_mass = scene.tool.mass
         self.masses = [bars[name].mass_properties for name in ("crank", "coupler", "rocker")]

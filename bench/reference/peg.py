@@ -75,20 +75,12 @@ def peg(insertion: float, clearance: float) -> Scene:
     """A peg on a tool in a hole `clearance` [m] wider, no friction, the grip `HEIGHT` above the mouth."""
     half, wall = 0.5 * (WIDTH + clearance), 0.05
     sides = [
-        {
-            "name": name,
-            "fixed": True,
-            "shapes": [{"box": {"size": [wall, DEPTH], "center": [sign * (half + 0.5 * wall), -0.5 * DEPTH]}}],
-        }
-        for name, sign in (("left", -1.0), ("right", 1.0))
+        {"name": name, "fixed": True, "shapes": [{"box": {"size": [wall, DEPTH], "center": [x, -0.5 * DEPTH]}}]}
+        for name, x in (("left", -half - 0.5 * wall), ("right", half + 0.5 * wall))
     ]
     length = HEIGHT + insertion
-    tool = {
-        "mass": 0.1,
-        "inertia": 3e-4,
-        "pose": [0.0, HEIGHT, 0.0],
-        "shapes": [{"box": {"size": [WIDTH, length], "center": [0.0, -0.5 * length]}}],
-    }
+    shape = {"box": {"size": [WIDTH, length], "center": [0.0, -0.5 * length]}}
+    tool = {"mass": 0.1, "inertia": 3e-4, "pose": [0.0, HEIGHT, 0.0], "shapes": [shape]}
     return Scene.model_validate({"name": "insertion", "bodies": sides, "tool": tool})
 
 

@@ -119,14 +119,8 @@ def tick(axes: int = 3, walls: int = 4, ticks: int = 4000) -> float:
     device = shipped.model_copy(update={"axes": shipped.axes[:axes]})
     angles = 2.0 * np.pi * np.arange(walls) / max(1, walls)
     normals = np.column_stack([np.cos(angles), np.sin(angles)]).ravel()
-    around = {
-        "wall.normals": tuple(normals),
-        "wall.offsets": (-0.015,) * walls,
-        "wall.stiffness": (500.0,) * walls,
-        "wall.damping": (0.1,) * walls,
-        "cancellation.ratio": 0.5,
-        "engage.time": 0.01,
-    }
+    around = {"wall.normals": tuple(normals), "wall.offsets": (-0.015,) * walls, "wall.stiffness": (500.0,) * walls}
+    around |= {"wall.damping": (0.1,) * walls, "cancellation.ratio": 0.5, "engage.time": 0.01}
     around = {key: value for key, value in around.items() if axes > 1 or not key.startswith("wall")}
     settings = controller_config.settings_from(device, values(**around))
     turn = np.arange(ticks)[:, None] * 1e-3 + np.array([0.0, np.pi / 2.0, 0.0])
@@ -201,21 +195,16 @@ def stack(blocks: int):
     del text["measure"], text["task"]
     floor, block = text["bodies"][0], text["bodies"][1]
     floor["shapes"][0]["half_plane"]["point"] = [0.0, -0.02 * blocks]
-    text["bodies"] = [floor] + [
-        block | {"name": f"block_{k}", "pose": [0.0, -0.01 - 0.02 * k, 0.0]} for k in range(blocks)
-    ]
+    places = [[0.0, -0.01 - 0.02 * k, 0.0] for k in range(blocks)]
+    text["bodies"] = [floor] + [block | {"name": f"block_{k}", "pose": place} for k, place in enumerate(places)]
     return parse(text, "stack")
 
 
 def sweep(cells: int, workers: int) -> tuple[float, float]:
     """Processor and wall time [us] of a Z-width map of so many cells."""
     rows = 40
-    request = Request(
-        Setup(0.1, 0.5, 1e-3, seconds=0.2),
-        "none",
-        np.linspace(10.0, 1200.0, cells // rows),
-        np.linspace(-0.5, 1.0, rows),
-    )
+    gains = np.linspace(10.0, 1200.0, cells // rows), np.linspace(-0.5, 1.0, rows)
+    request = Request(Setup(0.1, 0.5, 1e-3, seconds=0.2), "none", *gains)
     found = []
     for _ in range(3):
         busy, began = time.process_time(), time.perf_counter()

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-INSTALLED = Path("share/haptic_display/config")
+INSTALLED = Path("share/haptic_display")
 SHOWN = 6  # names that a refusal lists
 
 
@@ -80,7 +80,7 @@ def names(folder: str) -> list[str]:
         >>> "desktop" in names("devices")
         True
     """
-    return sorted({path.stem for root in _roots() for path in (root / folder).glob("*.yaml")})
+    return sorted({path.stem for root in places("config") for path in (root / folder).glob("*.yaml")})
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
@@ -89,7 +89,7 @@ def nearest(word: str, known: Iterable[str]) -> str:
 
 
 def _shipped(folder: str, name: str | Path) -> Path | None:
-    return next((path for root in _roots() if (path := root / folder / f"{name}.yaml").is_file()), None)
+    return next((path for root in places("config") if (path := root / folder / f"{name}.yaml").is_file()), None)
 
 
 def _no_name(folder: str, name: str | Path) -> str:
@@ -101,11 +101,11 @@ def _no_name(folder: str, name: str | Path) -> str:
     return f"a name in {Path('config', folder)}, which has {listed or 'no file at all'}{asked}"
 
 
-def _roots() -> Iterator[Path]:
+def places(folder: str) -> Iterator[Path]:
+    """Where this folder of ours may be: of the source tree, of a pip installation, of a colcon workspace."""
     source = Path(__file__).resolve().parents[2]
     # The package description marks a source tree; in site-packages a folder named config may be anybody's.
     if (source / "package.xml").is_file():
-        yield source / "config"
-    yield Path(sys.prefix) / INSTALLED
-    for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
-        yield Path(prefix) / INSTALLED
+        yield source / folder
+    for prefix in (sys.prefix, *filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))):
+        yield Path(prefix) / INSTALLED / folder

@@ -7,11 +7,17 @@ E is the energy [J] that the hand was given beyond what the device's damping too
 that forces can give which are sent and will act later, and dampers in the hold that begins (`promised`). A standing
 table whose damping is enough (`needs`) never lets `free` fall; a change of the table costs V' − V (`move`); a hold that
 was not planned is booked by the forces that acted and by its ends (`book`).
+
+An axis here is what a motor drives: of a linkage its joints, where a torque held over a hold does exactly τ Δθ. There
+the table is the one of the plane that touches the handle's way at the last sample: x ≈ p(θ) + J Δθ, so that for each
+hold all of the above stands. That the next sample's plane is another is a change of the table, and costs V' − V
+(`_turn_plane`).
 """
 
 import math
 
-from haptic_device.control import actuation_delay, faults, rows
+from haptic_device.config.kinematics import GRID
+from haptic_device.control import actuation_delay, faults, linkage, rows
 from haptic_device.control.records import AXES, HELD
 from haptic_device.jit import kernel, njit
 
@@ -31,9 +37,12 @@ def needs(port, table, count, account):
     stiff, damp, blur, least = account.stiff, account.damp, account.blur_now, 1.0
     for i in range(AXES):
         stiff[i] = damp[i] = blur[i] = 0.0
+    joints = int(port.joints)
+    if joints > 0:
+        _need_of_joints(port, table, count, account)
     for r in range(count):
         row = table[r]
-        if row.weight <= 0.0:
+        if row.weight <= 0.0 or (joints > 0 and row.normal[2] == 0.0):
             continue
         n, stiffness, damping = row.normal, row.weight * row.stiffness, row.weight * abs(row.damping)
         reach = abs(n[0]) * port.fastest[0] + abs(n[1]) * port.fastest[1] + abs(n[2]) * port.fastest[2]
@@ -51,6 +60,64 @@ def needs(port, table, count, account):
         # what an encoder step hides of the forces that are still on their way
         account.blur[i] = max(blur[i], account.blur_kept[i])
     return least
+
+
+@njit
+def _need_of_joints(port, table, count, account):
+    """The same of a linkage's joints, of rows in the plane: λ b ≽ Σ K n nᵀ, n = Jᵀ normal, the least λ; so of |B|."""
+    k00 = k01 = k11 = b00 = b01 = b11 = 0.0
+    jacobian, damping, blur = account.jacobian, account.damping, account.blur_now
+    for r in range(count):
+        row = table[r]
+        if row.weight <= 0.0 or row.normal[2] != 0.0:
+            continue
+        a, b, _ = along(port, jacobian, row.normal)
+        stiffness, damper = row.weight * row.stiffness, row.weight * abs(row.damping)
+        k00, k01, k11 = k00 + stiffness * a * a, k01 + stiffness * a * b, k11 + stiffness * b * b
+        b00, b01, b11 = b00 + damper * a * a, b01 + damper * a * b, b11 + damper * b * b
+        counts = (stiffness + damper / port.period) * (abs(a) * port.step[0] + abs(b) * port.step[1])
+        blur[0], blur[1] = blur[0] + abs(a) * counts, blur[1] + abs(b) * counts
+    second = damping[1] if port.joints > 1.0 else 0.0
+    stiffness = port.period * linkage.largest(k00, k01, k11, damping[0], second)
+    damper = linkage.largest(b00, b01, b11, damping[0], second)
+    for i in range(int(port.joints)):
+        account.stiff[i], account.damp[i] = stiffness * damping[i], damper * damping[i]
+
+
+@njit
+def along(port, jacobian, normal):
+    """Direction (3) in which a row acts on what the motors drive: its normal, or Jᵀ normal."""
+    x, y = normal[0], normal[1]
+    if port.joints == 0.0:
+        return x, y, normal[2]
+    return jacobian[0, 0] * x + jacobian[1, 0] * y, jacobian[0, 1] * x + jacobian[1, 1] * y, normal[2]
+
+
+@kernel
+def at_poses(settings, port, table, count, account, shares):
+    """Fills in what `needs` leaves of its joints' damping all over a linkage's workspace: shares by places of x, y."""
+    low, high = settings.hardware.position_low, settings.hardware.position_high
+    for m in range(shares.shape[0]):
+        for n in range(shares.shape[1]):
+            x = low[0] + (high[0] - low[0]) * m / (GRID - 1)
+            y = low[1] + (high[1] - low[1]) * n / (GRID - 1)
+            shares[m, n] = at_pose(settings, port, table, count, account, x, y)
+
+
+@kernel
+def at_pose(settings, port, table, count, account, x, y):
+    """What `needs` leaves of its joints' damping with a linkage's handle at this place of the device [m], as a share.
+
+    Cancellation acts on the joints.
+    """
+    a, b, _ = linkage.angles(settings.linkage, x, y)
+    found, scale, jacobian = linkage.pose(settings.linkage, a, b), settings.hardware.scale[0], account.jacobian
+    jacobian[0, 0], jacobian[0, 1] = scale * found[2], scale * found[3]
+    jacobian[1, 0], jacobian[1, 1] = scale * found[4], scale * found[5]
+    for i in range(int(port.joints)):
+        linkage.joint_normal(jacobian, port.joints, i, table[rows.CANCELLATION + i].normal)
+    needs(port, table, count, account)
+    return account.left[0] / account.damping[0]
 
 
 @kernel
@@ -115,6 +182,9 @@ def promised(port, account, newest, now, sign):
 def weigh(port, account, newest, table, count, place, sign):
     """S, Φ, forces and what is left of the damping of a table at the sample, into the account; V [J]."""
     account.store = rows.force(table, count, place, account.velocity, account.spring, account.damper)
+    if port.joints > 0.0:
+        linkage.to_joints(account.jacobian, account.spring)
+        linkage.to_joints(account.jacobian, account.damper)
     account.least = needs(port, table, count, account)
     account.late, _ = promised(port, account, newest, account.damper, sign)
     return account.store + account.late
@@ -136,6 +206,7 @@ def book(settings, account, table, count, hold, motion, sensors):
             account.shares[m] = 1.0
         for i in range(AXES):
             account.damping[i] = port.damping[i]
+        _touch(settings, account, motion)
     same = known and account.counted_least == port.least and account.counted_most == port.most
     same = same and account.counted_ratio == port.ratio
     account.counted_least, account.counted_most, account.counted_ratio = port.least, port.most, port.ratio
@@ -146,18 +217,23 @@ def book(settings, account, table, count, hold, motion, sensors):
         return
     cut, longest = int(sensors.device_status) & faults.CUT, time + motion.unsure
     planned = same and not cut and account.unseen == 0.0 and longest <= LONG * port.period
+    joints = int(port.joints)
     for i in range(AXES):
-        account.way[i] = settings.hardware.scale[i] * motion.moved[i]
+        account.way[i] = motion.turned[i] if i < joints else settings.hardware.scale[i] * motion.moved[i]
         account.velocity[i] = account.way[i] / longest if motion.clutched == 0.0 else 0.0
         # a longer hold needs as much more damping: of what is left, or else its own way pays
         more = max(0.0, longest - port.period - ROUNDING) / port.period * (account.damping[i] - account.left[i])
         account.more[i] = min(more, max(0.0, account.left[i]))
         account.lacks[i] = max(0.0, more - account.left[i])
+    if joints > 0:
+        account.velocity[0], account.velocity[1] = linkage.motion_of(account.jacobian, account.velocity)
     given = _given(settings, account, hold, motion, time, longest, cut)
     if planned:
         _book_planned(settings, account, hold, motion, time)
     for r in range(count):
         table[r].rate = 0.0
+    if joints > 0:
+        _turn_plane(settings, account, table, count, hold, motion, planned)
     if not planned:
         before = account.stored + account.deposit
         account.free += before - given - weigh(port, account, int(hold.newest), table, count, motion.handle, 1.0)
@@ -166,6 +242,30 @@ def book(settings, account, table, count, hold, motion, sensors):
             account.free -= 0.5 * port.step[i] * both
             account.given += 0.5 * port.step[i] * both
         account.window, account.unseen = WINDOW, 0.0
+
+
+@njit
+def _touch(settings, account, motion):
+    """The plane that touches a linkage's way where it is now, in the world."""
+    for i in range(2):
+        for j in range(2):
+            account.jacobian[i, j] = settings.hardware.scale[i] * motion.jacobian[i, j]
+    for i in range(AXES):
+        account.place[i] = motion.handle[i]
+
+
+@njit
+def _turn_plane(settings, account, table, count, hold, motion, planned):
+    """From the last sample's plane to this one's: by V' − V, where what went before was counted as planned."""
+    port, newest, place, value = settings.port, int(hold.newest), account.place, 0.0
+    if planned:
+        if motion.clutched == 0.0:
+            x, y = linkage.motion_of(account.jacobian, account.way)
+            place[0], place[1], place[2] = place[0] + x, place[1] + y, motion.handle[2]
+        value = weigh(port, account, newest, table, count, place, 0.0)
+    _touch(settings, account, motion)
+    if planned:
+        account.free -= weigh(port, account, newest, table, count, place, 0.0) - value
 
 
 @njit
@@ -292,7 +392,7 @@ def _use(port, account, at, begin, end, time):
 
 
 @njit
-def _hidden(port, table, wished, first, end, place):
+def _hidden(port, account, table, wished, first, end, place):
     """What a change of rows may cost more, as the handle is up to half an encoder step from `place` [J], in V."""
     cost, step = 0.0, port.step
     for r in range(first, end):
@@ -300,12 +400,13 @@ def _hidden(port, table, wished, first, end, place):
         if a.weight == b.weight and rows.same(a, b):
             continue
         x, y, most = rows.stretch(a, place), rows.stretch(b, place), 0.0
-        e = 0.5 * (abs(a.normal[0]) * step[0] + abs(a.normal[1]) * step[1] + abs(a.normal[2]) * step[2])
-        f = 0.5 * (abs(b.normal[0]) * step[0] + abs(b.normal[1]) * step[1] + abs(b.normal[2]) * step[2])
+        p, q = along(port, account.jacobian, a.normal), along(port, account.jacobian, b.normal)
+        e = 0.5 * (abs(p[0]) * step[0] + abs(p[1]) * step[1] + abs(p[2]) * step[2])
+        f = 0.5 * (abs(q[0]) * step[0] + abs(q[1]) * step[1] + abs(q[2]) * step[2])
         for k in range(-1, 2):
             before, after, one = rows.pull(a, x + k * e, 0.0)[0], rows.pull(b, y + k * f, 0.0)[0], 0.0
             for i in range(AXES):
-                one += abs(b.normal[i] * after - a.normal[i] * before) * step[i]
+                one += abs(q[i] * after - p[i] * before) * step[i]
             most = max(most, one)
         cost += most
     return cost
@@ -322,27 +423,29 @@ def open_table(settings, account, hold, table, trial, count, place, changes):
 
 
 @kernel
-def move(settings, account, hold, table, wished, trial, count, first, end, place, spare, forced):
+def move(settings, account, hold, table, wished, trial, count, first, end, place, spare, forced, least):
     """Rows from first to end towards those that are wished for; returns the share 0…1 of the way that they went.
 
     As far as V' − V is paid and `spare` [J] is left, no mixture needs more damping than both ends, and the force
     changes by no more than the handle's own motion makes of it and the slew. The table is weighed, before and after.
-    forced: all of the way, whatever it costs.
+    forced: all of the way, whatever it costs. least: what `needs` leaves at the worse of the two ends; inf: this move
+    goes there.
     """
-    port, newest, least = settings.port, int(hold.newest), min(0.0, account.least)
+    port, newest, alone = settings.port, int(hold.newest), least == math.inf
+    least = min(0.0, account.least) if alone else least
     best, share, high, cost, beside, tried = 0.0, 1.0, 1.0, 0.0, 0.0, -1.0
     there = max(0.0, account.free - spare)
     for n in range(TRIALS):
         rows.blend(table, wished, first, end, share, trial)
         value = weigh(port, account, newest, trial, count, place, 1.0)
-        hidden = _hidden(port, table, trial, first, end, place)
+        hidden = _hidden(port, account, table, trial, first, end, place)
         price = value - account.value + hidden
         turn, tried = _turn(port, account), share
         account.unpaid = (1.0 if price > there else 0.0) if n == 0 else account.unpaid
         for i in range(AXES if n == 0 else 0):
             account.asked[i] = account.spring[i] + account.damper[i]
         # no mixture needs more than the table that stands or the one wished for
-        least = min(least, account.least) if n == 0 else least
+        least = min(least, account.least) if n == 0 and alone else least
         enough = account.least >= least
         if forced or (enough and turn <= 1.0 and price <= there):
             best, cost, beside = share, price, hidden
@@ -386,12 +489,15 @@ def _turn(port, account):
 def settle(settings, account, hold, limit):
     """The force that is sent into account.sent, within ±limit [N | N m], and all that the next tick must know of it.
 
-    What the limit cuts is taken from the account unasked. The table is weighed.
+    What the limit cuts is taken from the account unasked. The table is weighed. A linkage's torques are cut together,
+    so that the force on the handle keeps its direction.
     """
-    port, newest, whole, still = settings.port, int(hold.newest), True, True
+    port, newest, whole, still, joints = settings.port, int(hold.newest), True, True, int(settings.port.joints)
     for i in range(AXES):
         account.was[i] = account.spring[i] + account.damper[i]
-        force = min(limit[i], max(-limit[i], account.was[i]))
+    share = _share_within(settings, account, limit) if joints > 0 else 1.0
+    for i in range(AXES):
+        force = share * account.was[i] if i < joints else min(limit[i], max(-limit[i], account.was[i]))
         whole, still = whole and force == account.was[i], still and force == 0.0
         account.force[i] = force
         account.damper[i] = account.damper[i] if force == account.was[i] else force - account.spring[i]
@@ -406,6 +512,18 @@ def settle(settings, account, hold, limit):
     account.stored = account.store
     account.deposit, account.sure = promised(port, account, newest, account.damper, -1.0)
     _, account.planned = promised(port, account, newest, account.damper, 0.0)
+
+
+@njit
+def _share_within(settings, account, limit):
+    """Share of a linkage's torques that its motors have, and that the handle's limit allows."""
+    share, was, most = 1.0, account.was, settings.hardware.motor_limit
+    for i in range(int(settings.port.joints)):
+        share = min(share, most[i] / abs(was[i])) if abs(was[i]) > most[i] else share
+    force = linkage.to_handle(account.jacobian, settings.port.joints, was)
+    for i in range(2):
+        share = min(share, limit[i] / abs(force[i])) if abs(force[i]) > limit[i] else share
+    return share
 
 
 @kernel

@@ -5,8 +5,10 @@ import math
 
 import numpy as np
 
+from haptic_device.config.description import linkage_of
+from haptic_device.config.drives import drives
 from haptic_device.config.parameters import LEAST_UNATTENDED, MOST_WALLS, OPERATING_POINT
-from haptic_device.control import exchange_samples, gain_check, records
+from haptic_device.control import exchange_samples, gain_check, linkage, records
 from haptic_device.control.exchange_samples import COUPLING_GAINS, METHODS
 from haptic_device.control.set_position import DAMPER_SLEW
 
@@ -29,15 +31,32 @@ def settings_of(device):
     described["scale"] = device.scale[0], device.scale[0], device.scale[1]
     described["delay"], described["stamp_error"] = device.sensing_delay + device.actuation_delay, device.stamp_error
     for i, axis in enumerate(device.axes):
-        described["position_per_count"][i] = axis.encoder_sign / axis.counts_per_unit
-        described["zero"][i] = -axis.zero
-        described["motor_per_force"][i] = axis.motor_sign / axis.motor_constant
-        described["motor_limit"][i] = axis.motor_limit
         described["gravity"][i] = -device.weight(i) if device.gravity_compensation else 0.0
         described["damping"][i], described["friction"][i] = axis.damping, axis.coulomb
         described["position_low"][i], described["position_high"][i] = axis.workspace
         described["velocity_limit"][i] = axis.velocity_limit
+        described["most_force"][i], described["step"][i] = axis.motor_limit, 1.0 / axis.counts_per_unit
+    for i, drive in enumerate(drives(device)):
+        described["position_per_count"][i], described["zero"][i] = drive.step, -drive.zero
+        described["motor_per_force"][i], described["motor_limit"][i] = 1.0 / drive.force, drive.limit
+    settings["port"]["joints"], settings["port"]["lever"] = len(device.joints), 1.0
+    if device.joints:
+        _join(device, settings[0])
     return settings
+
+
+def _join(device, settings):
+    """What of a linkage's settings is its joints'. One turns as fast, and its torque, as the worst pose asks for."""
+    linkage.fill(settings["linkage"], device.kinematics)
+    described, port, count = settings["hardware"], settings["port"], len(device.joints)
+    # it is a force in any direction, and limits are those of axes
+    described["most_force"][:count] /= math.sqrt(count)
+    jacobians = np.array(linkage_of(device.kinematics, device.joints, device.handle))
+    speed = np.abs(np.linalg.inv(jacobians)) @ described["velocity_limit"][:count]
+    port["fastest"][:count] = speed.max(axis=0)
+    port["lever"][:count] = described["scale"][0] * np.linalg.norm(jacobians, axis=1).max(axis=0)
+    for i, joint in enumerate(device.joints):
+        port["damping"][i], port["step"][i] = joint.damping, joint.step
 
 
 def settings_from(device, values, version=0):
@@ -78,6 +97,8 @@ def settings_unjudged(device, values, version=0):
             f"fault.unattended is {alone:g} s, and the driver says each {ATTENDED_EVERY:g} s that it is there: "
             f"take 0 (never), or {LEAST_UNATTENDED:g} s and more"
         )
+    if device.joints and values["cancellation.source"] == "measured":
+        raise ValueError("cancellation.source is measured, and a linkage has no drag sensor; take model")
     for parameter in OPERATING_POINT:
         group, _, name = parameter.name.partition(".")
         if (group, name) in SAME:
@@ -96,20 +117,21 @@ def settings_unjudged(device, values, version=0):
 
 def _set_port(settings):
     """What the account counts with, in the world; of the lateness: gain_check.counted."""
-    port, device = settings["port"], settings["hardware"]
+    port, device, slew = settings["port"], settings["hardware"], settings["exchange"]["slew"]
     # springs have the slew, and dampers their share on top of it
-    port["period"], port["slew"] = settings["period"], (1.0 + DAMPER_SLEW) * settings["exchange"]["slew"]
-    port["fastest"], port["step"] = device["velocity_limit"], np.abs(device["position_per_count"])
-    port["fastest"] *= device["scale"]
-    port["step"] *= device["scale"]
-    port["damping"] = device["damping"] / device["scale"] ** 2
+    port["period"], port["slew"] = settings["period"], port["lever"] * ((1.0 + DAMPER_SLEW) * slew)
+    axes = slice(int(port["joints"].ravel()[0]), None)  # those of a linkage's joints are as they are (_join)
+    scale = device["scale"][..., axes]
+    port["fastest"][..., axes] = device["velocity_limit"][..., axes] * scale
+    port["step"][..., axes] = np.abs(device["position_per_count"][..., axes]) * scale
+    port["damping"][..., axes] = device["damping"][..., axes] / scale**2
 
 
 def _set_exchange(settings, values):
     """Settings of the exchange that follow from others."""
     settings["exchange"]["method"] = METHODS[values["exchange.method"]]  # which is not its place among the choices
     device = settings["hardware"]
-    held = (device["motor_limit"] - np.abs(device["gravity"])) / device["scale"]
+    held = (device["most_force"] - np.abs(device["gravity"])) / device["scale"]
     settings["coupling"]["limit"] = np.maximum(0.0, np.minimum(settings["force"]["limit"], held))
     ratio = values["force.limit_rotational"] / values["force.limit"] if values["force.limit"] > 0.0 else 1.0
     settings["exchange"]["slew"][0] = values["exchange.slew"] * np.array([1.0, 1.0, ratio])

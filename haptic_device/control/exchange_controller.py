@@ -7,14 +7,7 @@ Every factor on the coupling's force (engaging, fading) is the weight of its row
 
 import math
 
-from haptic_device.control import (
-    account,
-    exchange_pspm,
-    exchange_samples,
-    fault_watch,
-    faults,
-    virtual_tool,
-)
+from haptic_device.control import account, exchange_pspm, exchange_samples, fault_watch, faults, virtual_tool
 from haptic_device.jit import kernel, njit
 
 

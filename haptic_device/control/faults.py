@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from haptic_device.control import linkage
 from haptic_device.digits import plain
 from haptic_device.message_fields import AXES
 
@@ -50,9 +51,36 @@ class Ticks(NamedTuple):
         """What the device is, by axis."""
         return self.settings["hardware"][name][: int(self.settings["axes"])]
 
+    @property
+    def joints(self) -> int:
+        """How many joints of a linkage there are."""
+        return int(self.settings["port"]["joints"])
+
+    def drives(self, k: int = -1) -> np.ndarray:
+        """What the encoders tell [m, m, rad], of a linkage its joints [rad]."""
+        return self.of("counts", k) * self.device("position_per_count") - self.device("zero")
+
     def places(self, k: int = -1) -> np.ndarray:
         """Of the handle at the device [m, m, rad]."""
-        return self.of("counts", k) * self.device("position_per_count") - self.device("zero")
+        places = self.drives(k)
+        if self.joints:
+            places[: self.joints] = self._pose(k)[: self.joints]
+        return places
+
+    def _pose(self, k: int) -> tuple[float, ...]:
+        a, b = np.resize(self.drives(k)[: self.joints], 2)
+        return linkage.pose(self.settings["linkage"], a, b)
+
+    def wanted(self, force: np.ndarray, k: int) -> np.ndarray:
+        """What motors are wanted to do for these forces on the device's handle [N | N m]."""
+        if self.joints:
+            jacobian = np.reshape(self._pose(k)[2:6], (2, 2))[: self.joints, : self.joints]
+            force = np.concatenate([jacobian.T @ force[: self.joints], force[self.joints :]])
+        return force
+
+    def drive(self, i: int) -> dict:
+        """Name and units of drive i, where it is a joint."""
+        return {"axis": f"joint {i + 1}", "unit": "rad", "force": "N m"} if i < self.joints else {}
 
 
 class Fault(NamedTuple):
@@ -85,9 +113,10 @@ def _along(i, **fields):
     return {"axis": AXES[i], "unit": UNITS[i], "force": FORCES[i], **fields}
 
 
-def _first(beyond, value, limit, **more):
-    """Fields of the first axis that is beyond its limit; None where none is."""
-    return next((_along(i, value=value[i], limit=limit[i], **more) for i in np.flatnonzero(beyond)), None)
+def _first(beyond, value, limit, drive=lambda i: {}, **more):
+    """Fields of the first axis that is beyond its limit; None where none is. drive: of a drive that is no axis."""
+    beyond = np.flatnonzero(beyond)
+    return next((_along(i, value=value[i], limit=limit[i], **more) | drive(i) for i in beyond), None)
 
 
 def _silence(ticks):
@@ -107,8 +136,9 @@ def _jump(ticks):
     if len(rows) < 2:
         return None
     elapsed = (rows["latched"][-1] - rows["latched"][-2] + rows["stamp_error"][-2:].sum()) * 1e-9  # as sensing has it
-    way, limit = abs(ticks.places() - ticks.places(-2)), 2.0 * ticks.device("velocity_limit") * elapsed
-    return _first(way > limit, way, limit, time=elapsed * 1e3)
+    way, limit = abs(ticks.drives() - ticks.drives(-2)), 2.0 * ticks.device("velocity_limit") * elapsed
+    limit[: ticks.joints] = 2.0 * ticks.settings["port"]["fastest"][: ticks.joints] * elapsed
+    return _first(way > limit, way, limit, ticks.drive, time=elapsed * 1e3)
 
 
 def _outside(ticks):
@@ -127,9 +157,9 @@ def _saturated(ticks):
         return None
     most, engage = ticks.settings["force"]["limit"][: int(ticks.settings["axes"])], ticks.rows["engage"][-2]
     total = np.clip(sum(ticks.of(name, -2) for name in SUM), -most, most) * engage
-    force = abs(ticks.device("scale") * total + ticks.of("force_gravity", -2) * engage)
+    force = abs(ticks.wanted(ticks.device("scale") * total + ticks.of("force_gravity", -2) * engage, -2))
     limit = ticks.device("motor_limit")
-    return _first(force > limit, force, limit, time=ticks.settings["fault"]["saturation"])
+    return _first(force > limit, force, limit, ticks.drive, time=ticks.settings["fault"]["saturation"])
 
 
 def _unheard(ticks):
@@ -142,7 +172,13 @@ def _unheard(ticks):
 
 def _warm(ticks):
     load = np.sqrt(ticks.of("thermal_load").clip(0.0))
-    return _along(load.argmax(), value=load.max(), limit=ticks.settings["fault"]["duty"])
+    warmest = int(load.argmax())
+    return _along(warmest, value=load.max(), limit=ticks.settings["fault"]["duty"]) | ticks.drive(warmest)
+
+
+def _where(ticks):
+    """Angles of the joints, where a linkage cannot be."""
+    return {"place": ", ".join(f"{plain(math.degrees(angle), digits=4)}°" for angle in ticks.drives()[: ticks.joints])}
 
 
 def _on_switch(ticks):
@@ -267,6 +303,14 @@ DEVICE_CLOCK = _fault(
     "Clock of the device",
     "the device's clock drifted, was set, or could not be told exactly enough to know when a sample was latched",
     "read what haptic_bridge says of the clock; link_protocol.md says how exact it must be",
+)
+UNREACHABLE = _fault(
+    "unreachable",
+    "Linkage where it cannot be",
+    "the joints of a linkage were where its links do not meet, or on the other side of a singular pose",
+    "check zero, signs and counts of the joints; lead the handle back into the workspace",
+    number="the joints were at {place}",
+    measure=_where,
 )
 FAULTS = {fault.name: fault for fault in TABLE}
 """The rows by name."""

@@ -6,12 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from haptic_device.config.kinematics import GRID
 from haptic_device.control import account, actuation_delay, damping_compensation, passivity, rows
 from haptic_device.control.records import ACCOUNT
 from haptic_device.digits import apart, plain
 
 WHOLE = 100.0  # N/m, N m/rad from which on an allowed stiffness is a whole number
 JOINTLY = 1e-6  # N/m to which the stiffness that walls and coupling allow together is found
+WAYS = 100.0  # most that the stiffness allowed in one direction of a linkage is beyond that of the worst
 PRECISE = 1e-4  # of a lateness that is too much, to which the most is found
 
 
@@ -93,6 +95,29 @@ def _judged(settings, lateness):
     return found
 
 
+def worst_pose(settings, lateness):
+    """Place (x[, y]) [m] of a linkage's handle at which these gains leave least damping; () without joints."""
+    if not (joints := int(settings["port"]["joints"])):
+        return ()
+    shares, device = _at_poses(settings, lateness).min(axis=0), settings["hardware"]
+    at = np.array(np.unravel_index(shares.argmin(), shares.shape)) / (GRID - 1)
+    low, high = device["position_low"][:joints], device["position_high"][:joints]
+    return tuple((low + (high - low) * at[:joints]).tolist())
+
+
+def _at_poses(settings, lateness):
+    """Shares of the joints' damping left over outside of walls and inside, all over the workspace, (2, GRID, …)."""
+    port, known = _port(settings, lateness), np.zeros(1, ACCOUNT).view(np.recarray)
+    known["damping"] = port.damping
+    return np.array([_shares(settings, port[0], table, known[0]) for table in _tables(settings)])
+
+
+def _shares(settings, port, table, known):
+    shares = np.empty((GRID, GRID if port.joints > 1.0 else 1))
+    account.at_poses(settings, port, table.view(np.recarray), table.size, known, shares)
+    return shares
+
+
 def _ratio(table, period):
     """Of |B| to T K, of all rows of a table that pull in the plane."""
     plane = table[np.any(table["normal"][:, :2] != 0.0, axis=1)]
@@ -108,6 +133,8 @@ def _by_table(settings, port, tables):
         known["damping"] = port.damping * (1.0 - settings["cancellation"]["ratio"] * (measured and i == 0))
         account.needs(port, table.view(np.recarray), table.size, known[0])
         left[i] = known[0].left * settings["hardware"]["scale"] ** 2
+        if joints := int(port.joints):
+            left[i, :joints] = _shares(settings, port, table, known[0]).min() * settings["hardware"]["damping"][:joints]
     return left
 
 
@@ -169,7 +196,7 @@ def friction_left(settings):
     A spring and a damper that stay give nothing at an edge of the step where 2 f_c ≥ (K + 2|B|/T) Δ (Abbott and Okamura
     2005). Nothing is refused for it: what they can give is some µW.
     """
-    period, step = float(settings["period"]), settings["port"]["step"]
+    period, step = float(settings["period"]), settings["hardware"]["step"] * settings["hardware"]["scale"]
     needs = np.zeros((2, 3))
     for need, table in zip(needs, _tables(settings), strict=True):
         normal = np.abs(table["normal"])
@@ -179,8 +206,11 @@ def friction_left(settings):
 
 
 def softer(wished, known, lateness):
-    """Whether gains need no more damping than the known ones on any axis, outside of walls and inside."""
-    return bool(np.all(_left(wished, lateness) - _left(known, lateness) >= -1e-9))
+    """Whether gains need no more damping than the known ones on any axis and at any pose, outside walls and inside."""
+    less = np.all(_left(wished, lateness) - _left(known, lateness) >= -1e-9)
+    if less and wished["port"]["joints"]:
+        less = np.all(_at_poses(wished, lateness) - _at_poses(known, lateness) >= -1e-9)
+    return bool(less)
 
 
 def refusal(settings, lateness=0.0):
@@ -223,6 +253,15 @@ def _reasons(settings, lateness, other=None):
         yield _together(settings, lateness)
 
 
+def _worst(settings, lateness):
+    """Of two joints: at which pose that is, and what helps; "" where all poses are alike."""
+    if settings["port"]["joints"] < 2.0:
+        return ""
+    x, y = worst_pose(settings, lateness)
+    told = f"the worst pose has the handle at x = {x:.3g} m, y = {y:.3g} m from its origin"
+    return f"; {told}: a use_workspace without it allows more"
+
+
 def shortfall(settings, judged):
     """Why this Judgement of the settings leaves no damping over: the gains that do not fit, or the lateness where they
     would fit without; "" if some is left.
@@ -253,6 +292,7 @@ def most_lateness(settings, beyond):
 def _blames(settings, lateness, other=None):
     """A sentence for each wall and each axis of the coupling that alone needs more than there is."""
     late, walls, coupling, ratio = (lateness, other), settings["wall"], settings["coupling"], settings["cancellation"]
+    joints = int(settings["port"]["joints"])
     for j in range(int(walls["count"])):
         which = f" of wall {j}" if walls["count"] > 1 else ""
         told = f"wall.stiffness {walls['stiffness'][j]:.6g} N/m{which} with damping {walls['damping'][j]:.4g} N s/m"
@@ -260,13 +300,13 @@ def _blames(settings, lateness, other=None):
     for i in range(int(settings["axes"])):
         yield _blame_cancellation(settings, i, lateness)
         stiffness, damping = coupling["stiffness"][i], coupling["damping"][i]
-        if stiffness <= 0.0 and damping <= 0.0:
+        if (stiffness <= 0.0 and damping <= 0.0) or 0 < i < joints:  # joints have both of the plane
             continue
         name, unit = ("coupling.rotational_", "N m/rad") if i == 2 else ("coupling.", "N/m")
         told = f"{name}stiffness {stiffness:.6g} {unit} with {name}damping {damping:.4g} {_of_damping(unit)}"
         if _cancelled(settings, i) > 0.0:
             told += f" and cancellation.ratio {ratio['ratio']:g}"
-        yield _blame(told, unit, settings, "coupling", i, late)
+        yield _blame(told, unit, settings, "coupling", slice(joints) if i < joints else i, late)
 
 
 def _cancelled(settings, axis):
@@ -291,7 +331,7 @@ def _alone(settings, part, place, coupled=False):
 
 
 def _blame(told, unit, settings, part, place, late):
-    """Why one wall, or one axis of the coupling, needs more than there is, beside cancellation.
+    """Why one wall, or one axis of the coupling (of a linkage its plane), needs more than is there beside cancellation.
 
     told: its gains, in words; unit: of the stiffness; late: the lateness, and another for which it is said too what is
     allowed, or None.
@@ -299,7 +339,7 @@ def _blame(told, unit, settings, part, place, late):
     (lateness, other), alone = late, _alone(settings, part, place)
     damping, axes = settings["hardware"]["damping"], int(settings["axes"])
     left = _left(alone, lateness).min(axis=0)[:axes]
-    where = place if part == "coupling" else int(np.argmin(left[:2] / damping[: min(2, axes)]))
+    where = np.arange(3)[place].min() if part == "coupling" else int(np.argmin(left[:2] / damping[: min(2, axes)]))
     if left[where] > 0.0:
         return ""
     scale = settings["hardware"]["scale"][where] ** 2
@@ -312,7 +352,9 @@ def _blame(told, unit, settings, part, place, late):
             tried[part]["stiffness"][place] = stiffness
             return _left(tried, late).min(axis=0)[where] > 0.0
 
-        return _cut(_largest(fits, 2.0 * damping[where] / (scale * float(settings["period"]))))
+        most = 2.0 * damping[where] / (scale * float(settings["period"]))
+        # a linkage has more in other directions than in its worst
+        return _cut(_largest(fits, WAYS * most if settings["port"]["joints"] else most))
 
     def allowed(late):
         limit = most(alone, late)
@@ -326,6 +368,7 @@ def _blame(told, unit, settings, part, place, late):
     return (
         f"{told} needs b > {lacking} {_of_damping(unit)} at T = {float(settings['period']) * 1e3:.4g} ms{late}; "
         f"the device has {has}: allowed {allowed(lateness)}{_elsewhere(lateness, other, allowed)}"
+        f"{_worst(alone, lateness) if where < 2 else ''}"
     )
 
 
@@ -366,11 +409,12 @@ def _elsewhere(lateness, other, allowed):
 def _blame_cancellation(settings, axis, lateness):
     """The sentence where nothing but the damping cancelled in free space needs more than there is."""
     ratio, b = float(settings["cancellation"]["ratio"]), float(settings["port"]["damping"][axis])
-    counted, scale = _cancelled(settings, axis), float(settings["hardware"]["scale"][axis])
+    counted, joint = _cancelled(settings, axis), axis < int(settings["port"]["joints"])
+    scale = 1.0 if joint else float(settings["hardware"]["scale"][axis])
     need = passivity.least_damping(0.0, counted, float(settings["period"]), lateness, least_lateness(settings))
     if need < b:
         return ""
-    unit = "N m s/rad" if axis == 2 else "N s/m"
+    unit = "N m s/rad" if joint or axis == 2 else "N s/m"
     needed, has = apart(need * scale**2, b * scale**2)
     late = f", {lateness * 1e3:.3g} ms late" if lateness > 0.0 else ""
     return (
@@ -387,5 +431,5 @@ def _together(settings, lateness):
     lower = " or ".join(known) or "wall.stiffness or coupling.stiffness"
     return (
         f"walls and coupling together need {lacking:.3g} N s/m more physical damping than the device has in their "
-        f"worst direction: lower {lower}"
+        f"worst direction: lower {lower}{_worst(settings, lateness)}"
     )

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The force that is sent, into motor units; and how warm that makes a motor."""
 
-from haptic_device.control import damping_compensation, faults
+from haptic_device.control import damping_compensation, faults, linkage
 from haptic_device.control.records import AXES
 from haptic_device.jit import kernel, njit
 
@@ -24,8 +24,9 @@ def command(settings, enable, fault, hold, account, output):
 
     A motor that is wanted to do more than it has is said, whatever acts.
     """
-    device, saturated = settings.hardware, False
-    for i in range(AXES):
+    device, joints = settings.hardware, int(settings.port.joints)
+    saturated = joints > 0 and _command_joints(settings, fault, hold, account, output)
+    for i in range(joints, AXES):
         there = 1.0 if i < settings.axes and fault.code == faults.NONE else 0.0
         output.force_gravity[i] = device.gravity[i] if output.engage > 0.0 else 0.0
         lifted, limit = output.engage * output.force_gravity[i], settings.force.limit[i]
@@ -49,6 +50,30 @@ def command(settings, enable, fault, hold, account, output):
     _heat(settings, fault, output)
 
 
+@njit
+def _command_joints(settings, fault, hold, account, output):
+    """The same of a linkage's joints: torques, and the force that they make at the device's handle.
+
+    Returns whether a motor is wanted to do more than it has.
+    """
+    device, joints, wanted = settings.hardware, int(settings.port.joints), account.own
+    for i in range(AXES):
+        limit = settings.force.limit[i]
+        total = output.force_walls[i] + output.force_coupling[i] + output.force_cancellation[i]
+        wanted[i] = output.engage * min(limit, max(-limit, total))
+    linkage.to_joints(account.jacobian, wanted)
+    saturated = False
+    for i in range(joints):
+        saturated |= abs(wanted[i]) > device.motor_limit[i]
+        hold.limited[i] = 1.0 if account.force[i] != account.was[i] else 0.0
+        output.torque[i] = account.force[i] if fault.code == faults.NONE else 0.0
+        output.motor[i] = output.torque[i] * device.motor_per_force[i]
+    force = linkage.to_handle(account.jacobian, settings.port.joints, output.torque)
+    for i in range(2):
+        output.force_on_handle[i] = to_device_force(force[i], device.scale[i])
+    return saturated
+
+
 @kernel
 def to_device_force(force, scale):
     """Force the motor makes for this force on the handle in the world.
@@ -62,7 +87,8 @@ def to_device_force(force, scale):
 def _heat(settings, fault, output):
     """Thermal load of each motor after this tick's force."""
     for i in range(int(settings.axes)):
-        share = output.force_on_handle[i] / settings.hardware.motor_limit[i]
+        force = output.torque[i] if i < settings.port.joints else output.force_on_handle[i]
+        share = force / settings.hardware.motor_limit[i]
         fault.thermal_load[i] = thermal_load(fault.thermal_load[i], share, settings.fault.duty_kept)
         output.thermal_load[i] = fault.thermal_load[i]
 

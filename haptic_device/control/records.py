@@ -8,7 +8,7 @@ or writes. All numbers are float64: `name*` is one per axis, `name#` one per wal
 import numpy as np
 
 from haptic_device.config.parameters import KEPT, MOST_WALLS
-from haptic_device.control import contact_model, contact_solver
+from haptic_device.control import contact_model, contact_solver, linkage
 from haptic_device.control.rows import AXES, MOST, ROW
 
 HELD = 64  # motor values that may be on their way at a time
@@ -34,6 +34,7 @@ OUTPUT = record(
     "position* velocity* coupling_position* coupling_velocity*"  # of the handle, and what the coupling pulls to
     " force_walls* force_coupling* force_cancellation* force_gravity*"
     " force_on_handle* motor*"  # the sum as the motor holds it, at the device; and in motor units
+    " joint* torque*"  # of a linkage: its joints [rad], and what the motors hold there [N m]
     " engage exchange_fade cancellation_fade exchange_energy energy_given*"
     " exchange_effort* exchange_tank exchange_shortened exchange_released"  # next handle sample's; [J]; ticks
     " local local_fallbacks local_stays local_pivots tools_apart"  # acting; counts; of this tick; [m]
@@ -56,11 +57,15 @@ TRACE_ROW = np.dtype(
 SETTINGS = np.dtype(
     [
         *((name, "f8") for name in ("version", "period", "axes")),
+        ("linkage", linkage.LINKAGE),
         (
             "hardware",
+            # of a linkage position_per_count, zero, motor_per_force, motor_limit are its joints' [rad, N m], all else,
+            # with the largest force (most_force) and encoder step (step), the handle's at the worst pose.
+            # stamp_error: counted beside delay
             record(
                 "position_per_count* zero* scale* motor_per_force* motor_limit* gravity* damping* friction*"
-                " position_low* position_high* velocity_limit* delay stamp_error"  # stamp_error: counted beside delay
+                " position_low* position_high* velocity_limit* delay stamp_error most_force* step*"
             ),
         ),
         ("force", record("limit*")),
@@ -69,11 +74,16 @@ SETTINGS = np.dtype(
         ("cancellation", record("ratio band stretch twist source filter")),
         ("velocity", record("estimator lag window")),
         ("passivity", record("policy control lateness margin* surplus*")),
-        # in the world: the device's damping, fastest speed and encoder step of each axis; what of the account is told
-        # of the lateness (actuation_delay.set_lateness)
+        # in the world: the device's damping, fastest speed and encoder step of each axis; of a linkage, of its so many
+        # joints in place of x and y, and the most torque that a unit of force is (lever) [m]. What of the account is
+        # told of the lateness (actuation_delay.set_lateness)
         (
             "port",
-            record("damping* fastest* step* slew* period least most ratio whole holds", layers=(3, 4), needs=(4,)),
+            record(
+                "joints lever* damping* fastest* step* slew* period least most ratio whole holds",
+                layers=(3, 4),
+                needs=(4,),
+            ),
         ),
         ("exchange", record("method budget tank horizon slew* agility* hold fade")),
         ("local", record("compliance apart hold rejoin")),
@@ -105,24 +115,27 @@ ACCOUNT = record(
     # what the encoder hides (blur, blur_now, blur_kept for blur_age ticks); beside, spring_before: of (2) at its ends;
     # followed, from_start: places with play and without. Of the window, which began `window` holds, `time` [s] and
     # `error` [ns] ago: gone, worst, fast, hazy (ways), earn, lossy (dampings), dim (blur), earned, single, lost.
-    # shares: of the damping, as sent.
+    # shares: of the damping, as sent. Of a linkage: place, and jacobian of the world's handle, at the last sample.
     "filled free value store share unpaid counted_ratio late least stored deposit sure planned sign still"
     " shortened short unseen overdue counted_least counted_most window time error given damping* way* velocity*"
     " spring* damper* was* own* asked* force* left* stiff* damp* blur* blur_now* blur_kept* blur_age* gone* worst*"
     " earned* lost* earn* dim* fast* beside* spring_before* energy_given* followed* from_start* more* lacks* hazy*"
-    " single* lossy* one_worst*",
+    " single* lossy* one_worst* place*",
+    jacobian=(2, 2),
     shares=(HELD,),
     sent=(HELD, AXES),
 )
 STATE = np.dtype(
     [
         # sensing: device units but for handle*, which is in the world. Of this tick: time since the last sample
-        # (elapsed), and by how much it may be another (unsure) [s]
+        # (elapsed), and by how much it may be another (unsure) [s]. Of a linkage: its joints, how far they turned, the
+        # handle's jacobian at the device, and what is left of forces near a singular pose (unfaded)
         (
             "motion",
             record(
                 "started sample_time sample_error stale_ticks elapsed unsure device_position* device_velocity* moved*"
-                " handle* clutch_offset* clutched"
+                " handle* clutch_offset* clutched joint* joint_velocity* turned* unfaded",
+                jacobian=(2, 2),
             ),
         ),
         ("samples", record("count times^ errors^ x^ y^ theta^")),

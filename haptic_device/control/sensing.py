@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Encoder counts to the handle's position and velocity: the first stage of a tick."""
 
-from haptic_device.control import damping_compensation, enable_state, fault_watch, velocity_estimator
+import math
+
+from haptic_device.control import damping_compensation, enable_state, fault_watch, faults, linkage, velocity_estimator
 from haptic_device.jit import kernel, njit
 
 
@@ -18,14 +20,20 @@ def sense(settings, motion, samples, compensation, fault, sensors, output):
     opening = (int(sensors.command) & enable_state.CLUTCH) != 0
     # under an open clutch the device moves and the handle does not; its way until the clutch opened is the handle's
     opened, motion.clutched = opening and motion.clutched > 0.0, 1.0 if opening else 0.0
-    device = settings.hardware
+    device, joints = settings.hardware, int(settings.port.joints)
+    if joints > 0:
+        _sense_joints(settings, motion, samples, fault, sensors, joints)
+    motion.unfaded = linkage.share_near_singular(_sense_handle(settings, motion, fault, output)) if joints > 0 else 1.0
     for i in range(int(settings.axes)):
-        seen = velocity_estimator.position_of(sensors.counts[i], device.position_per_count[i], device.zero[i])
-        before = motion.device_position[i] if motion.started else seen
-        position = before if motion.stale_ticks > 0.0 else seen
-        motion.moved[i] = position - before
-        velocity = _velocity(settings, motion, samples, i, position)
-        fault_watch.latch(fault, _motion_fault(device, motion, i, position, velocity))
+        before, jump, velocity = motion.device_position[i], 0.0, motion.device_velocity[i]
+        position = before
+        if i < joints:  # known by now, and a jump is a joint's
+            before -= motion.moved[i]
+        else:
+            position, jump, velocity = _sense_drive(settings, motion, samples, sensors, i, before, velocity)
+            motion.moved[i] = jump
+        low, high, limit = device.position_low[i], device.position_high[i], device.velocity_limit[i]
+        fault_watch.latch(fault, _motion_fault(motion, position, velocity, low, high, limit, jump))
         if opened:  # the handle stays where it is in the world
             world = to_world(before, device.scale[i], motion.clutch_offset[i])
             motion.clutch_offset[i] = clutched_offset(world, position, device.scale[i])
@@ -68,8 +76,53 @@ def _keep_time(motion, samples, sensors):
 
 
 @njit
-def _velocity(settings, motion, samples, i, position):
-    """Device velocity of axis i by the estimator that is set."""
+def _sense_joints(settings, motion, samples, fault, sensors, joints):
+    """Angles and speeds of a linkage's joints; a jump is a joint's."""
+    for i in range(joints):
+        angle, turned, speed = _sense_drive(
+            settings, motion, samples, sensors, i, motion.joint[i], motion.joint_velocity[i]
+        )
+        found = _motion_fault(motion, angle, speed, -math.inf, math.inf, settings.port.fastest[i], turned)
+        fault_watch.latch(fault, found)
+        motion.joint[i], motion.turned[i], motion.joint_velocity[i] = angle, turned, speed
+
+
+@njit
+def _sense_handle(settings, motion, fault, output):
+    """Handle of a linkage at its joints; one that cannot be there, or is assembled another way, stays where it was.
+
+    Returns how far it is from a singular pose (config/kinematics).
+    """
+    x, y, xa, xb, ya, yb, c = linkage.pose(settings.linkage, motion.joint[0], motion.joint[1])
+    place, jacobian = motion.device_position, motion.jacobian
+    if c > 0.0:
+        motion.moved[0], motion.moved[1] = (x - place[0], y - place[1]) if motion.started else (0.0, 0.0)
+        place[0], place[1] = x, y
+        jacobian[0, 0], jacobian[0, 1], jacobian[1, 0], jacobian[1, 1] = xa, xb, ya, yb
+    else:
+        fault_watch.latch(fault, faults.UNREACHABLE)
+        motion.moved[0] = motion.moved[1] = 0.0
+    velocity = linkage.motion_of(jacobian, motion.joint_velocity)
+    motion.device_velocity[0], motion.device_velocity[1] = velocity
+    for i in range(2):
+        output.joint[i] = motion.joint[i]
+    return c
+
+
+@njit
+def _sense_drive(settings, motion, samples, sensors, i, before, velocity):
+    """Position of drive i, how far it moved, and its velocity; before, velocity: the last ones."""
+    device = settings.hardware
+    seen = velocity_estimator.position_of(sensors.counts[i], device.position_per_count[i], device.zero[i])
+    before = before if motion.started else seen
+    position = before if motion.stale_ticks > 0.0 else seen
+    moved = position - before
+    return position, moved, _velocity(settings, motion, samples, i, position, velocity, moved)
+
+
+@njit
+def _velocity(settings, motion, samples, i, position, before, moved):
+    """Velocity of drive i by the estimator that is set; before: the last one."""
     history = samples.x if i == 0 else (samples.y if i == 1 else samples.theta)
     newest = int(samples.count) % velocity_estimator.KEPT
     history[newest] = position
@@ -82,11 +135,10 @@ def _velocity(settings, motion, samples, i, position):
         )
     lag = chosen.lag if chosen.estimator == velocity_estimator.LOWPASS else 0.0
     longest = motion.elapsed + motion.unsure if motion.elapsed > 0.0 else 0.0
-    return velocity_estimator.velocity_of(motion.device_velocity[i], motion.moved[i], longest, lag)
+    return velocity_estimator.velocity_of(before, moved, longest, lag)
 
 
 @njit
-def _motion_fault(device, motion, i, position, velocity):
-    low, high, limit = device.position_low[i], device.position_high[i], device.velocity_limit[i]
+def _motion_fault(motion, position, velocity, low, high, limit, moved):
     longest = motion.elapsed + motion.unsure if motion.elapsed > 0.0 else 0.0
-    return fault_watch.motion_fault(position, velocity, low, high, limit, motion.moved[i], longest)
+    return fault_watch.motion_fault(position, velocity, low, high, limit, moved, longest)

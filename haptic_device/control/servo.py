@@ -12,6 +12,7 @@ from haptic_device.control import (
     exchange_controller,
     fault_watch,
     faults,
+    linkage,
     motor,
     rows,
     sensing,
@@ -73,16 +74,21 @@ def tick(settings, state, tick):
     for i in range(AXES):
         output.exchange_effort[i] = output.force_coupling[i]
     exchange_controller.spoil(tool, output)
-    _tell_energy(settings, book, output)
+    _tell_energy(settings, book, motion.jacobian, output)
     withheld.tell(settings, state, sensors, tool, output)
 
 
 @njit
-def _tell_energy(settings, book, output):
+def _tell_energy(settings, book, jacobian, output):
     """What the account knows, and the damping left over that it counts with, into the output."""
     for i in range(AXES):
         output.energy_given[i], output.margin[i] = book.energy_given[i], settings.passivity.margin[i]
         output.surplus[i] = settings.passivity.surplus[i]
+    joints = settings.port.joints
+    if joints > 0.0 and linkage.determinant(jacobian, joints) != 0.0:  # at this pose, of what is in force
+        felt = linkage.felt_damping(jacobian, joints, settings.port.damping)
+        for i in range(int(joints)):
+            output.margin[i] = felt * book.left[i] / settings.port.damping[i]
     output.stored, output.promised = book.stored, book.late
     output.lateness_least, output.lateness_counted = settings.port.least, settings.port.most
     output.lateness_ratio = settings.port.ratio

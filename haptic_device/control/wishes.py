@@ -9,7 +9,7 @@ turns or vanishes lets the handle in first.
 import math
 
 from haptic_device.config.parameters import POLICIES
-from haptic_device.control import account, damping_compensation, rows, velocity_estimator, virtual_wall
+from haptic_device.control import account, damping_compensation, linkage, rows, velocity_estimator, virtual_wall
 from haptic_device.control.rows import AXES, CANCELLATION, COUPLING, WALLS
 from haptic_device.jit import kernel, njit
 
@@ -87,6 +87,10 @@ def _wish_cancellation(settings, state, output):
         row.damping = -chosen.ratio * settings.port.damping[i] if acts else 0.0
         row.low, row.high = -settings.coupling.limit[i], settings.coupling.limit[i]
         row.weight, row.rate = output.cancellation_fade if acts else 0.0, 0.0
+        if acts and i < settings.port.joints:
+            most = settings.hardware.motor_limit[i]
+            row.low, row.high = -most, most
+            linkage.joint_normal(state.account.jacobian, settings.port.joints, i, row.normal)
 
 
 @kernel
@@ -103,7 +107,7 @@ def weigh_in(settings, state, output, held):
     if chosen.ratio > 0.0 and settings.wall.count > 0.0:
         _cover(settings.port, state, count)
     for r in range(count):
-        wished[r].weight *= output.engage
+        wished[r].weight *= output.engage * state.motion.unfaded
     if settings.velocity.estimator != velocity_estimator.BACKWARD_DIFFERENCE:
         _estimated(state, output, count)
     if settings.passivity.control > 0.0 and settings.passivity.policy != OFF and state.account.free < 0.0:
@@ -249,22 +253,26 @@ def move(settings, state, release):
             now.weight = now.rate = 0.0
         if row.weight != now.weight or row.rate != 0.0 or (now.weight > 0.0 and not rows.same(row, now)):
             coupled, others = coupled or r < AXES, others or r >= AXES
-    _own(state, count, local)
+    _own(state, count, local, settings.port.joints > 0.0)
     account.open_table(settings, book, hold, table, trial, count, place, coupled or others)
     one = other = 1.0
     # with `off` nothing waits for energy that is not there
     forced = release or taken or (settings.passivity.policy == OFF and book.free < 0.0)
+    least = math.inf  # of both ends, where they are not the two of one move
+    if coupled and others:
+        least = min(0.0, book.least, account.needs(settings.port, wished, count, book))
+    bounds = spare, forced, least
     if coupled:
-        one = account.move(settings, book, hold, table, wished, trial, count, COUPLING, AXES, place, spare, forced)
+        one = account.move(settings, book, hold, table, wished, trial, count, COUPLING, AXES, place, *bounds)
         book.shortened += 1.0 if one < 1.0 else 0.0
         _note_short(settings, book, one)
     if others:
-        other = account.move(settings, book, hold, table, wished, trial, count, AXES, count, place, spare, forced)
+        other = account.move(settings, book, hold, table, wished, trial, count, AXES, count, place, *bounds)
     return one, other
 
 
 @njit
-def _own(state, count, local):
+def _own(state, count, local, own_of_joints):
     """The forces that the handle's own motion makes of those that were held; the own tool's way is one too."""
     table, trial, book = state.rows, state.trial, state.account
     for r in range(count):
@@ -274,6 +282,9 @@ def _own(state, count, local):
             if local:
                 trial[r].offset, trial[r].rate = state.wished[r].offset, state.wished[r].rate
     rows.force(trial, count, state.motion.handle, book.velocity, book.spring, book.damper)
+    if own_of_joints:
+        linkage.to_joints(book.jacobian, book.spring)
+        linkage.to_joints(book.jacobian, book.damper)
     for i in range(AXES):
         book.own[i] = book.spring[i] + book.damper[i]
 
@@ -298,7 +309,12 @@ def tell_forces(settings, state, table, output):
         force = spring + row.damping * (row.rate - velocity[i])
         output.force_coupling[i] = output.exchange_fade * force if output.exchange_fade > 0.0 else 0.0
         row = state.wished[CANCELLATION + i]
-        if row.weight > 0.0:
+        if row.weight > 0.0 and i < settings.port.joints:
+            rate = row.normal[0] * output.velocity[0] + row.normal[1] * output.velocity[1]
+            for k in range(2):
+                force = -output.cancellation_fade * row.damping * rate * row.normal[k]
+                output.force_cancellation[k] += force
+        elif row.weight > 0.0:
             output.force_cancellation[i] = -output.cancellation_fade * row.damping * output.velocity[i]
     for r in range(WALLS, WALLS + walls):
         row = table[r]

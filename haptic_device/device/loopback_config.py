@@ -5,6 +5,8 @@ import math
 
 import numpy as np
 
+from haptic_device.config.drives import drives
+from haptic_device.control import linkage
 from haptic_device.device import operator_hand, plant
 
 ROUNDED = 1e-12  # [m | rad] by which sums of a motion's numbers may miss the workspace
@@ -79,8 +81,12 @@ def plant_of(device):
     for i, axis in enumerate(device.axes):
         record["mass"][0, i], record["damping"][0, i] = axis.mass, axis.damping
         record["coulomb"][0, i], record["gravity"][0, i] = axis.coulomb, device.weight(i)
-        record["position_per_count"][0, i] = axis.encoder_sign / axis.counts_per_unit
-        record["zero"][0, i] = -axis.zero
-        record["force_per_motor"][0, i] = axis.motor_sign * axis.motor_constant
-        record["force_limit"][0, i] = axis.motor_limit
+    for i, drive in enumerate(drives(device)):
+        record["position_per_count"][0, i], record["zero"][0, i] = drive.step, -drive.zero
+        record["force_per_motor"][0, i], record["force_limit"][0, i] = drive.force, drive.limit
+    linkage.fill(record["linkage"][0], device.kinematics)
+    for i, joint in enumerate(device.joints):
+        record["handle_mass"], record["middle"][0, i] = device.handle.mass, sum(joint.limits) / 2.0
+        record["mass"][0, i], record["damping"][0, i] = joint.inertia, joint.damping
+        record["coulomb"][0, i] = joint.coulomb
     return record

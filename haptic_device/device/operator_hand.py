@@ -16,15 +16,11 @@ ARM = 0.05  # [m] way that turning by a radian counts as, for the time that it t
 WAYPOINTS, CIRCLE, FOLLOW, PATH = range(4)  # a path is waypoints joined by straight lines
 MOTION = np.dtype(
     [
-        ("kind", "i8"),
-        ("count", "i8"),
+        *(("kind", "i8"), ("count", "i8")),
         ("times", "f8", (MOST,)),  # [s] from the start of the motion, increasing
         ("points", "f8", (MOST, 3)),  # x, y, theta at those times; for a circle the first is the centre
         ("grip", "f8", (MOST,)),  # 1: the hand holds the handle from this waypoint on, 0: it has let go
-        ("radius", "f8"),
-        ("turns", "f8"),
-        ("duration", "f8"),
-        ("lag", "f8"),  # [s] of a followed target
+        *((name, "f8") for name in ("radius", "turns", "duration", "lag")),  # lag: [s] of a followed target
         ("started", "i8"),  # [ns] on the device's clock; 0 = the hand still waits at the first point
     ]
 )

@@ -9,60 +9,43 @@ sub-step):
 Under a held motor force u this is linear between reversals of the motion. Its solution is summed as the Taylor series
 of the matrix exponential to rounding error, over sub-steps of at most SUB_STEP; a reversal is found as an event, where
 the axis sticks until the force exceeds f_c. No Euler step: the effect of sampling, which is under study, would drown.
+
+The joints of a linkage are drives in place of x and y; linkage_plant moves them, and the handle with them.
 """
 
 import math
 
 import numpy as np
 
+from haptic_device.control.linkage import CARTESIAN, LINKAGE
+from haptic_device.device import linkage_plant
 from haptic_device.jit import kernel, njit
 
 QUEUED = 512  # motor values on their way through the actuation delay
 KNOTS = 8192  # past states kept for delayed sensing: 0.4 s
 
+_WHOLE = "time", "noise", "queue_head", "queue_tail", "knot"  # time: [ns] up to which the plant is integrated
 PLANT = np.dtype(
     [
-        ("axes", "i8"),
-        ("mass", "f8", (3,)),
-        ("damping", "f8", (3,)),
-        ("coulomb", "f8", (3,)),
-        ("gravity", "f8", (3,)),  # [N] force of gravity on the handle
-        ("position_per_count", "f8", (3,)),
-        ("zero", "f8", (3,)),
-        ("force_per_motor", "f8", (3,)),
-        ("force_limit", "f8", (3,)),
-        ("sensing_delay", "i8"),  # [ns]
-        ("actuation_delay", "i8"),  # [ns]
-        ("drag_bandwidth", "f8"),  # [rad/s], 0 = unlimited
-        ("drag_bias", "f8"),
-        ("drag_noise", "f8"),  # standard deviation
-        ("hand_mass", "f8", (3,)),
-        ("hand_damping", "f8", (3,)),
-        ("hand_stiffness", "f8", (3,)),
+        *((name, "i8") for name in ("axes", "sensing_delay", "actuation_delay")),  # delays [ns]
+        ("linkage", LINKAGE),
+        *((name, "f8") for name in ("drag_bandwidth", "drag_bias", "drag_noise")),  # [rad/s], 0: unlimited; deviation
+        *((name, "f8", (3,)) for name in ("gravity", "hand_mass", "hand_damping", "hand_stiffness")),  # gravity [N]
+        # per drive: an axis, or a joint of a linkage [rad, N m]
+        *((name, "f8", (3,)) for name in ("mass", "damping", "coulomb", "force_per_motor", "force_limit")),
+        *((name, "f8", (3,)) for name in ("position_per_count", "zero")),
+        *(("handle_mass", "f8"), ("middle", "f8", (2,))),  # of a linkage; between the limits of each joint [rad]
     ]
 )
-
 PLANT_MEMORY = np.dtype(
     [
-        ("time", "i8"),  # [ns] up to which the plant is integrated
-        ("position", "f8", (3,)),
-        ("velocity", "f8", (3,)),
-        ("motor_force", "f8", (3,)),
-        ("target", "f8", (3,)),
-        ("target_velocity", "f8", (3,)),
-        ("grip", "f8"),
+        *((name, "i8") for name in _WHOLE),  # noise: state of the generator
+        *((name, "f8") for name in ("grip", "energy_given")),  # [J] to the operator: −∫ operator_force · velocity dt
+        *((name, "f8", (3,)) for name in ("position", "velocity", "motor_force", "target", "target_velocity", "drag")),
         ("operator_force", "f8", (3,)),  # of the hand on the handle
-        ("energy_given", "f8"),  # [J] to the operator: −∫ operator_force · velocity dt
-        ("drag", "f8", (3,)),
-        ("noise", "i8"),  # state of the generator
-        ("queue_head", "i8"),
-        ("queue_tail", "i8"),
-        ("queue_time", "i8", (QUEUED,)),
-        ("queue_force", "f8", (QUEUED, 3)),
-        ("knot", "i8"),
-        ("knot_time", "i8", (KNOTS,)),
-        ("knot_position", "f8", (KNOTS, 3)),
-        ("knot_velocity", "f8", (KNOTS, 3)),
+        *((name, "f8", (2,)) for name in ("joint", "joint_velocity", "torque")),  # of a linkage; of its motors [N m]
+        *(("queue_time", "i8", (QUEUED,)), ("queue_force", "f8", (QUEUED, 3)), ("knot_time", "i8", (KNOTS,))),
+        *((name, "f8", (KNOTS, 3)) for name in ("knot_position", "knot_velocity")),  # of each drive
     ]
 )
 
@@ -145,11 +128,15 @@ def next_change(memory, until):
 
 
 @kernel
-def take_motor(memory):
+def take_motor(plant, memory):
     """Applies every queued motor value whose time has come."""
     while memory.queue_tail < memory.queue_head and memory.queue_time[memory.queue_tail % QUEUED] <= memory.time:
         for i in range(3):
             memory.motor_force[i] = memory.queue_force[memory.queue_tail % QUEUED, i]
+        if plant.linkage.kind != CARTESIAN:
+            memory.torque[:] = memory.motor_force[:2]
+            linkage_plant.begin(plant, memory)
+            linkage_plant.push(plant, memory)
         memory.queue_tail += 1
 
 
@@ -157,8 +144,11 @@ def take_motor(memory):
 def sub_step(plant, memory, end, target, grip):
     """Integrates to end [ns], at most SUB_STEP ahead, while the hand's target moves uniformly to target (3)."""
     time = (end - memory.time) * 1e-9
-    given = 0.0
-    for i in range(plant.axes):
+    given, first = 0.0, 0
+    if plant.linkage.kind != CARTESIAN:
+        linkage_plant.begin(plant, memory)
+        given, first = linkage_plant.step(plant, memory, time, target, grip), 2
+    for i in range(first, plant.axes):
         mass = plant.mass[i] + grip * plant.hand_mass[i]
         damping = plant.damping[i] + grip * plant.hand_damping[i]
         stiffness = grip * plant.hand_stiffness[i]
@@ -216,11 +206,16 @@ def _keep_knot(plant, memory):
     memory.knot_time[slot] = memory.time
     for i in range(plant.axes):
         memory.knot_position[slot, i], memory.knot_velocity[slot, i] = memory.position[i], memory.velocity[i]
+    if plant.linkage.kind != CARTESIAN:
+        memory.knot_position[slot, :2], memory.knot_velocity[slot, :2] = memory.joint, memory.joint_velocity
 
 
 @kernel
-def position_at(memory, time, i):
-    """Position of axis i at a past time [ns]: the cubic through the kept states around it; before them, the first."""
+def position_at(plant, memory, time, i):
+    """Position of drive i at a past time [ns]: the cubic through the kept states around it; before them, the first."""
+    if memory.knot == 0 and i < 2 and plant.linkage.kind != CARTESIAN:
+        linkage_plant.begin(plant, memory)
+        return memory.joint[i]
     if memory.knot == 0:
         return memory.position[i]
     later = memory.knot
@@ -240,7 +235,7 @@ def position_at(memory, time, i):
 def sense(plant, memory, latched, counts, drag):
     """Encoder counts latched at this time [ns] less the sensing delay, and the drag sensor's reading, into (3) each."""
     for i in range(plant.axes):
-        position = position_at(memory, latched - plant.sensing_delay, i)
+        position = position_at(plant, memory, latched - plant.sensing_delay, i)
         counts[i] = math.floor((position + plant.zero[i]) / plant.position_per_count[i] + 0.5)
         drag[i] = memory.drag[i] + plant.drag_bias + plant.drag_noise * _gauss(memory)
 

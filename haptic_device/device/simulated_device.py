@@ -5,7 +5,7 @@ import numpy as np
 
 from haptic_device.config.description import SUB_STEP
 from haptic_device.control import enable_state
-from haptic_device.control.records import TICK
+from haptic_device.control.records import TICK, record
 from haptic_device.device import operator_hand, plant
 from haptic_device.jit import kernel, njit
 from haptic_device.realtime import atomic, clock, hardware_interface, seqlock, servo_loop, servo_writes, shared_memory
@@ -13,12 +13,8 @@ from haptic_device.realtime import atomic, clock, hardware_interface, seqlock, s
 FREE_STEP = 1_000_000  # [ns] between samples while there is no servo
 STOP, LATE_WRITES, RUN_ON, TRIPS, REFUSED, WATCHDOG, CONTROLS = 0, 1, 2, 3, 4, 5, 8  # words of control
 
-TRUTH = np.dtype(
-    [
-        (name, "f8", (3,))
-        for name in ("position", "velocity", "operator_force", "motor_force", "target", "target_velocity")
-    ]
-    + [(name, "f8") for name in ("time", "energy_given", "motion_done", "driven")]
+TRUTH = record(
+    "position* velocity* operator_force* motor_force* target* target_velocity* time energy_given motion_done driven"
 )
 
 
@@ -31,17 +27,16 @@ def advance(device, memory, motion, until):
         if end > memory.time:
             grip = _target(memory, motion, end, target)
             plant.sub_step(device, memory, end, target, grip)
-        plant.take_motor(memory)
+        plant.take_motor(device, memory)
 
 
 @njit
 def _target(memory, motion, end, target):
     """Where the hand wants to be at this time; returns its grip."""
     if motion.kind == operator_hand.FOLLOW:
+        step = (end - memory.time) * 1e-9
         for i in range(3):
-            target[i] = operator_hand.follow(
-                motion.points[0, i], memory.target[i], motion.lag, (end - memory.time) * 1e-9
-            )
+            target[i] = operator_hand.follow(motion.points[0, i], memory.target[i], motion.lag, step)
         return motion.grip[0]
     time = (end - motion.started) * 1e-9 if 0 < motion.started < end else 0.0
     return operator_hand.target_at(motion, time, target)
@@ -111,18 +106,8 @@ def serve(words, control, truth_mail, session, device, memory, motion, truth):
         advance(device[0], memory[0], motion[0], announced)
         _latch(device[0], memory[0], announced, sample)
         status = 0 if driven else shared_memory.WATCHDOG
-        shared_memory.write_device(
-            words,
-            outbox,
-            session,
-            announced,
-            status,
-            now,
-            sample[hardware_interface.COUNTS :],
-            sample[hardware_interface.DRAG :],
-            0,
-            0,
-        )
+        counts, drag = sample[hardware_interface.COUNTS :], sample[hardware_interface.DRAG :]
+        shared_memory.write_device(words, outbox, session, announced, status, now, counts, drag, 0, 0)
         _tell(truth_mail, memory[0], motion[0], truth, driven)
         clock.sleep_until(announced + (period // 4 if driven else FREE_STEP), scratch)
     _cut_motor(device[0], memory[0], motion[0], max(clock.now_ns(scratch), memory[0].time), zero)
@@ -136,7 +121,7 @@ def _cut_motor(device, memory, motion, when, zero):
     advance(device, memory, motion, when)
     memory.queue_tail = memory.queue_head
     plant.push_motor(device, memory, memory.time - device.actuation_delay, zero)
-    plant.take_motor(memory)
+    plant.take_motor(device, memory)
 
 
 @njit

@@ -226,19 +226,9 @@ def _pass_on(state, words, control, session, now, m, room):
     control[PASSED] += 1
     status = room.answer[codec.STATUS] | (0 if m.driven else shared_memory.WATCHDOG)
     status |= codec.CLOCK if state[codec.CLOCK_TROUBLE] else 0
-    counts, drag = room.answer[codec.COUNTS : codec.COUNTS + 3], room.answer[codec.DRAG : codec.DRAG + 3]
-    shared_memory.write_device(
-        words,
-        room.block,
-        session,
-        latched,
-        status,
-        now,
-        counts,
-        drag.view(np.float64),
-        state[codec.DELAY],
-        room.answer[codec.STAMP_ERROR],
-    )
+    counts, delay = room.answer[codec.COUNTS : codec.COUNTS + 3], state[codec.DELAY]
+    drag, error = room.answer[codec.DRAG : codec.DRAG + 3].view(np.float64), room.answer[codec.STAMP_ERROR]
+    shared_memory.write_device(words, room.block, session, latched, status, now, counts, drag, delay, error)
     futex.wake(words, shared_memory.DEVICE_LOCK)
     return m.driven and latched >= m.announced
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A Haply 2DIY of generation 2 or 3 on USB: `link: {type: haply, port: …}`.
 
-Axes are the joints: x is motor 1, y is motor 2, the motor unit is N m, a count is one of the board's encoder counts, as
-`count = degrees · resolution / 360` of the angle that the board tells (4880 counts a turn on generation 3, 10752 on 2).
+The description's `joints` are its motors 1 and 2. The motor unit is N m, a count is one of the board's encoder counts,
+as `count = degrees · resolution / 360` of the angle that the board tells (4880 a turn on generation 3, 10752 on 2).
 
 The board only answers: each request carries both torques, each answer both angles. There is no framing, no check and no
 clock. So the motor value is sent when the servo has written it, and again at the deadline, where the answer is the
@@ -80,13 +80,14 @@ class Options(SerialOptions):
 
 
 def codec(options, device) -> c.Codec:
-    """The codec for this device description. Raises ValueError if it has not the axes x and y."""
-    if len(device.axes) != 2:
-        raise ValueError(f"axes are {', '.join(axis.name for axis in device.axes)}; a Haply 2DIY has x and y")
+    """The codec for this device description. Raises ValueError unless it is five bars, and nothing else."""
+    if device.kinematics.type != "five_bar" or len(device.axes) != 2:
+        given = f"kinematics is {device.kinematics.type}, axes are {', '.join(axis.name for axis in device.axes)}"
+        raise ValueError(f"{given}; a Haply 2DIY is a five_bar with x and y")
     state = np.zeros(STATE, np.int64)
     state[c.TEMPERATURE], state[c.AXES] = c.NO_TEMPERATURE, 2
     state[RESOLUTION] = SERVES[options.generation][0]
-    limits = [min(TORQUE_LIMIT, axis.motor_limit / axis.motor_constant) for axis in device.axes]
+    limits = [min(TORQUE_LIMIT, joint.torque_limit / joint.torque_constant) for joint in device.joints]
     state.view(np.float64)[LIMITS : LIMITS + 2] = limits
     state[SETUP:].view(np.uint8)[:SETUP_BYTES] = np.frombuffer(setup_bytes(options.generation), np.uint8)
     return c.Codec(state, *compiled(), asks=True)

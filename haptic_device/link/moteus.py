@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""moteus drives on an fdcanusb: `link: {type: moteus, port: …, ids: [1]}`, one drive for each axis.
+"""moteus drives on an fdcanusb: `link: {type: moteus, port: …, ids: [1]}`, one drive for each axis, or joint.
 
 The motor unit is N m at the output shaft. A count is 10⁻⁵ revolutions of it, 100000 a turn: positions are asked for as
 int32, so that they are whole numbers.
@@ -18,6 +18,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from haptic_device.config.drives import drives
 from haptic_device.config.link_registry import SerialOptions
 from haptic_device.config.refusal import Unit
 from haptic_device.jit import njit
@@ -56,7 +57,7 @@ NOTHING_ASKED, FOR_EFFECT, FOR_SAMPLE, FOR_LOOK = range(4)
 
 
 class Options(SerialOptions):
-    """ids of the drives of x, y, theta on the bus; watchdog: time without commands after which a drive gives up [s]."""
+    """ids of the drives of x, y (or joints), theta; watchdog: time without commands until a drive gives up [s]."""
 
     ids: Annotated[tuple[Annotated[int, Field(ge=1, le=MOST_ID, strict=True)], ...], Field(min_length=1, max_length=3)]
     watchdog: Annotated[float, Field(ge=0.02, le=1.0, allow_inf_nan=False, strict=True), Unit("s")] = 0.1
@@ -73,7 +74,7 @@ def codec(options, device) -> c.Codec:
     reals = state.view(np.float64)
     state[c.TEMPERATURE], state[c.AXES], state[c.WATCHDOG] = c.NO_TEMPERATURE, axes, round(options.watchdog * 1e9)
     state[IDS : IDS + axes], reals[TIME_LIMIT] = options.ids, options.watchdog
-    reals[LIMITS : LIMITS + axes] = [axis.motor_limit / axis.motor_constant for axis in device.axes]
+    reals[LIMITS : LIMITS + axes] = [drive.most for drive in drives(device)]
     return c.Codec(state, *compiled(), asks=True)
 
 

@@ -15,6 +15,7 @@ import time
 import numpy as np
 
 from haptic_device.config.description import load_device
+from haptic_device.config.drives import drives
 from haptic_device.config.link_registry import SERVED, UdpOptions
 from haptic_device.config.parameters import BRIDGE, BRIDGE_FIGURES
 from haptic_device.jit import ensure_compiled
@@ -218,12 +219,12 @@ def contradictions(state, device):
     if state[codec.AXES] != len(device.axes):
         yield f"the device has {state[codec.AXES]} axes, its description {len(device.axes)}"
     told = state[codec.TOLD : codec.TOLD + 6].view(np.float64)
-    for i, axis in enumerate(device.axes):
-        counts, largest, described = told[i], told[3 + i], axis.motor_limit / axis.motor_constant
-        if counts and abs(counts - axis.counts_per_unit) > SAME * axis.counts_per_unit:
-            yield f"axis {axis.name} has {counts:g} counts per unit, its description {axis.counts_per_unit:g}"
-        if largest and largest < described * (1.0 - SAME):
-            yield f"axis {axis.name} takes motor values up to {largest:g}, its description gives up to {described:g}"
+    for drive, counts, largest in zip(drives(device), told, told[3:], strict=False):
+        what = f"{drive.kind} {drive.name}"
+        if counts and abs(counts - drive.counts) > SAME * drive.counts:
+            yield f"{what} has {counts:g} counts per unit, its description {drive.counts:g}"
+        if largest and largest < drive.most * (1.0 - SAME):
+            yield f"{what} takes motor values up to {largest:g}, its description gives up to {drive.most:g}"
 
 
 def address(options):

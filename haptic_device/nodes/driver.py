@@ -14,6 +14,7 @@ import time
 import numpy as np
 
 from haptic_device.config.description import load_device
+from haptic_device.config.drives import drives_at
 from haptic_device.config.parameters import DRIVER, DRIVER_FIGURES
 from haptic_device.control import controller_config, enable_state, faults, gain_check, records
 from haptic_device.jit import ensure_compiled
@@ -76,15 +77,14 @@ class DriverNode(ManagedNode):
         """Starts servo, exchange and telemetry; the motor stays at zero until enabled, and a latched fault latched."""
         if not self._commands.running:
             raise ValueError("the services thread has ended: nobody could stop the motor")
-        home = self.device.home if self.device.homing == "at_start" else None
+        home = drives_at(self.device, self.device.home) if self.device.homing == "at_start" else None
         settings, self.judged = self._settings(self.values)
         settings["version"] = self._version
         self._warn(self.judged)
         self._announced, self._alone_since = False, 0.0
         with self._changing:
-            self.servo = ServoThread(
-                self.hardware, self.judged.into(settings), home, self.values["realtime"], self._kept
-            )
+            judged, realtime = self.judged.into(settings), self.values["realtime"]
+            self.servo = ServoThread(self.hardware, judged, home, realtime, self._kept)
         self.servo.gains.put(controller_config.gains_from(self.values, settings))
         self._set_flag(enable_state.CLUTCH, self.values["clutch.open"])
         self.exchange = ExchangeServer(self, self.servo, len(self.device.axes), self.values, self.clock.offset)

@@ -111,6 +111,7 @@ class DriverDiagnostics:
             **(self._local_values(row) if node.values["exchange.method"] == "local" else {}),
             "physical_damping": ", ".join(f"{axis.damping:g}" for axis in node.device.axes),
             "passivity_margin": f"{node.judged.plane:.4f}",
+            **self._margin_here(row),
             "friction_margin": f"{min(node.judged.friction[: min(2, len(node.device.axes))]):.4f}",
             "friction_margin_theta": f"{node.judged.friction[2]:.6f}",
             "passivity_margin_theta": f"{node.judged.theta:.6f}",
@@ -120,6 +121,11 @@ class DriverDiagnostics:
             "promised": f"{row.promised:.6f}",
             "energy_given": f"{sum(row.energy_given):.6f}",
         }
+
+    def _margin_here(self, row):
+        """Of a linkage: what is left at the present pose, where `passivity_margin` is of the worst."""
+        count = len(self._node.device.joints)
+        return {"passivity_margin_here": f"{min(row.margin[:count]):.4f}"} if count else {}
 
     def _local_values(self, row):
         return {

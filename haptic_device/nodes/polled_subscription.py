@@ -58,9 +58,8 @@ class PolledSubscription:
         take = self._subscription.handle.take_message
         while (taken := take(self._class, self._raw)) is not None:
             message, info = taken
-            yield Sample(
-                message, info["source_timestamp"], info["received_timestamp"], info["publication_sequence_number"]
-            )
+            times = info["source_timestamp"], info["received_timestamp"]
+            yield Sample(message, *times, info["publication_sequence_number"])
 
     @property
     def matched(self) -> int:

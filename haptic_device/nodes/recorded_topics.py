@@ -14,20 +14,10 @@ from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, POSE, ST
 from haptic_device.recording.sequence_gaps import UNKNOWN, SequenceGaps
 
 KNOWN = {  # joined before their publishers exist, so that no first message is missed
-    "encoder": JOINTS,
-    "motor": JOINTS,
-    "handle": JOINTS,
-    "tool": JOINTS,
-    "local_contacts": CLOUD,
-    "operator/state": JOINTS,
-    "operator/target": JOINTS,
-    "trace": CLOUD,
-    "snapshot": CLOUD,
-    "mark": STRING,
-    "wrench": WRENCH,
-    "pose": POSE,
-    "joint_states": JOINTS,
-    "/diagnostics": DIAGNOSTICS,
+    **dict.fromkeys(("encoder", "motor", "handle", "tool", "joint_states"), JOINTS),
+    **dict.fromkeys(("operator/state", "operator/target"), JOINTS),
+    **dict.fromkeys(("local_contacts", "trace", "snapshot"), CLOUD),
+    **{"mark": STRING, "wrench": WRENCH, "pose": POSE, "/diagnostics": DIAGNOSTICS},
     "/parameter_events": "rcl_interfaces/msg/ParameterEvent",
     **(dict.fromkeys(("/tf", "/tf_static"), "tf2_msgs/msg/TFMessage") if TFMessage else {}),
 }
@@ -97,11 +87,9 @@ class RecordedTopics:
 
     def join_known(self, depth: int) -> None:
         """Joins those that are known, with queues of this depth."""
-        for topic, type_name in KNOWN.items():
+        for topic, kind in KNOWN.items():
             qos = _QOS.get(topic, STREAM)
-            self._join(
-                topic, type_name, QoSProfile(depth=depth, reliability=qos.reliability, durability=qos.durability)
-            )
+            self._join(topic, kind, QoSProfile(depth=depth, reliability=qos.reliability, durability=qos.durability))
 
     def discover(self, depth: int) -> None:
         """Joins what else there is by now, and joins again where a publisher does not reach us; counts publishers."""

@@ -228,12 +228,11 @@ class Recorder(ManagedNode):
             self.get_logger().info(f"{FIRST_ROW}, of {track.subscription.topic}")
 
     def _channel(self, subscription) -> int:
+        topic = subscription.topic
         try:
-            return self.bag.add_topic(
-                subscription.topic, subscription.type_name, self.topics.offered_qos(subscription.topic)
-            )
+            return self.bag.add_topic(topic, subscription.type_name, self.topics.offered_qos(topic))
         except ValueError as error:
-            self.topics.refuse(subscription.topic, f"{error}; it is not recorded")
+            self.topics.refuse(topic, f"{error}; it is not recorded")
             return 0
 
 

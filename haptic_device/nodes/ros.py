@@ -13,9 +13,8 @@ from haptic_device import ros_environment
 from haptic_device.config import yaml_reader
 from haptic_device.config.parameter_sections import reaches, sections
 
-KINDS = tuple(
-    f"haptic_{kind}" for kind in ("bridge", "driver", "loopback", "simulation", "recorder", "relay", "viewer")
-)
+_NODES = "bridge", "driver", "loopback", "simulation", "recorder", "relay", "viewer"
+KINDS = tuple(f"haptic_{node}" for node in _NODES)
 FILE = "params file"
 REMEDY = {
     "parameter override rule": "write -p NAME:=VALUE, the value as in YAML: 1.0, true, text or [1.0, 2.0]",

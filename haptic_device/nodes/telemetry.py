@@ -11,9 +11,10 @@ import time
 import numpy as np
 from rclpy.duration import Duration
 
+from haptic_device.config.drives import drives, place_of
 from haptic_device.control.records import SETTINGS, TRACE_ROW
 from haptic_device.control.withheld import WithheldTime
-from haptic_device.message_fields import AXES, frame_id
+from haptic_device.message_fields import frame_id
 from haptic_device.nodes import messages
 from haptic_device.nodes.fault_detail import LatchedFault
 from haptic_device.nodes.robot_state import RobotState
@@ -47,8 +48,8 @@ class Telemetry:
     def __init__(self, node, servo_thread, device, values, stamp):
         """stamp: turns a time on CLOCK_MONOTONIC [ns] into that of the session's stamps."""
         self._servo, self._device, self._values, self._stamp = servo_thread, device, values, stamp
-        axes, frame = AXES[: len(device.axes)], frame_id(node.get_namespace(), "base_link")
-        self._layout, self._robot = JointLayout(axes, frame), RobotState(node, device)
+        names, frame = [drive.name for drive in drives(device)], frame_id(node.get_namespace(), "base_link")
+        self._layout, self._robot = JointLayout(names, frame), RobotState(node, device)
         self._encoder = node.create_publisher(messages.JointState, "encoder", messages.STREAM)
         self._motor = node.create_publisher(messages.JointState, "motor", messages.STREAM)
         self._wrench = node.create_publisher(messages.WrenchStamped, "wrench", messages.STREAM)
@@ -146,33 +147,42 @@ class Telemetry:
         return True
 
     def _publish_axes(self, now, behind):
-        """Encoder and motor in the device's own units."""
+        """Encoder and motor of each drive in the device's own units."""
         if not self._look("axes", behind):
             return
-        row, n, position = self._row[0], len(self._device.axes), self._device_position()
+        row, n, position = self._row[0], len(self._device.axes), self._drives()
         latched = float(row["latched"])
         elapsed = (latched - self._latched) * 1e-9
         moved = [now - before for now, before in zip(position, self._position, strict=True)]
         velocity = [way / elapsed if elapsed > 0.0 else 0.0 for way in moved]
         self._latched, self._position = latched, position
         stamp, none = self._stamp(row["deadline"]), [0.0] * n
-        motor, force = row["motor"].tolist(), row["force_on_handle"].tolist()
+        motor, force = row["motor"].tolist(), self._efforts()
         self._encoder.publish(self._layout.pack(stamp, position[:n], velocity[:n], none))
         self._motor.publish(self._layout.pack(stamp, motor[:n], none, force[:n]))
 
-    def _device_position(self):
+    def _drives(self):
         counts, (per_count, zero, _) = self._row["counts"][0].tolist(), self._hardware.values()
         return [count * each - at for count, each, at in zip(counts, per_count, zero, strict=True)]
 
+    def _efforts(self):
+        """What each motor holds: torques of joints, and forces along axes."""
+        row, count = self._row[0], len(self._device.joints)
+        return [*row["torque"].tolist()[:count], *row["force_on_handle"].tolist()[count:]]
+
     def _publish_pose(self, now, behind):
-        """The operator's side: handle on the device, and the force the motor holds there; the same as joints."""
+        """The operator's side: handle on the device, and the force the motor holds there; the same as joints.
+
+        Where a linkage's handle cannot be, no pose is told.
+        """
         if self._look("pose", behind):
-            row, position = self._row[0], self._device_position()
+            row, position = self._row[0], self._drives()
             stamp, force = self._stamp(row["deadline"]), row["force_on_handle"].tolist()
             self._wrench.publish(self._wrench_layout.pack(stamp, wrench_numbers(force)))
-            self._pose.publish(self._pose_layout.pack(stamp, pose_numbers(position)))
+            if place := place_of(self._device, position):
+                self._pose.publish(self._pose_layout.pack(stamp, pose_numbers(place)))
             velocity = [each / by for each, by in zip(row["velocity"].tolist(), self._hardware["scale"], strict=True)]
-            self._robot.publish(stamp, position, velocity, force)
+            self._robot.publish(stamp, position, velocity, self._efforts())
 
     def _publish_trace(self, now, behind):
         """The oldest rows that wait in the ring, one block; returns how many. What found no room, the ring counts."""

@@ -99,18 +99,13 @@ def compose_handle(frame, state, row, gains, scratch):
     for i in range(axes):
         position[i], velocity[i], effort[i] = row.position[i], row.velocity[i], row.exchange_effort[i]
     tail = position[axes:]
-    tail[exchange_samples.LAYOUT], tail[exchange_samples.SESSION], tail[exchange_samples.SEQUENCE] = (
-        exchange_samples.LAYOUT_VERSION,
-        state.session,
-        state.sequence,
-    )
+    tail[exchange_samples.LAYOUT] = exchange_samples.LAYOUT_VERSION
+    tail[exchange_samples.SESSION], tail[exchange_samples.SEQUENCE] = state.session, state.sequence
     tail[exchange_samples.ANSWERED_SESSION], tail[exchange_samples.ANSWERED] = state.peer_session, row.tool_sequence
     tail[exchange_samples.METHOD], tail[exchange_samples.GAINS] = state.method, gains.hash
     tail[exchange_samples.GAIN_0], tail[exchange_samples.GAIN_0 + 1] = gains.stiffness, gains.damping
-    tail[exchange_samples.GAIN_0 + 2], tail[exchange_samples.GAIN_0 + 3] = (
-        gains.rotational_stiffness,
-        gains.rotational_damping,
-    )
+    tail[exchange_samples.GAIN_0 + 2] = gains.rotational_stiffness
+    tail[exchange_samples.GAIN_0 + 3] = gains.rotational_damping
     for i in range(axes):
         effort[axes + exchange_samples.GAIN_0 + i] = gains.limit[i]
     tail[exchange_samples.CONTACT], tail[exchange_samples.ENERGY] = 0.0, row.exchange_energy
@@ -145,10 +140,8 @@ def take_in(frame, size, state, watch, gains, tool, tool_mail, now):
     tail = position[axes:]
     record = tool[0]
     record.session, record.sequence = tail[exchange_samples.SESSION], tail[exchange_samples.SEQUENCE]
-    record.answered, record.sent = (
-        tail[exchange_samples.ANSWERED],
-        state.sent[int(tail[exchange_samples.ANSWERED]) % REMEMBERED],
-    )
+    record.answered = tail[exchange_samples.ANSWERED]
+    record.sent = state.sent[int(tail[exchange_samples.ANSWERED]) % REMEMBERED]
     record.contact, record.energy = tail[exchange_samples.CONTACT], tail[exchange_samples.ENERGY]
     record.handle_sequence = state.sequence
     for i in range(axes):

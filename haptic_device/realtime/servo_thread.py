@@ -22,8 +22,8 @@ SNAPSHOT_ATTEMPTS = 10
 class ServoThread:
     """Runs the servo against a link from start() to stop(), which returns with the motor at zero.
 
-    settings: SETTINGS record to begin with. The device's counts at the start are taken as `home` [device units] where
-    that is given. kept: what an earlier one left behind; its fault stays latched, and its motors warm.
+    settings: SETTINGS record to begin with. The device's counts at the start are taken as `home`, of each drive [m |
+    rad], where that is given. kept: what an earlier one left behind; its fault stays latched, and its motors warm.
 
     set(), order() and reset() may be called by any thread.
     """
@@ -67,9 +67,8 @@ class ServoThread:
     @property
     def kept(self):
         """Latched fault and thermal load of the motors when it has stopped; an e-stop that no tick has taken is one."""
-        latched = int(self._state["fault"]["code"][0]) or (
-            faults.ESTOP if self.command & enable_state.ESTOP else faults.NONE
-        )
+        asked = faults.ESTOP if self.command & enable_state.ESTOP else faults.NONE
+        latched = int(self._state["fault"]["code"][0]) or asked
         return {"code": latched, "thermal_load": self._state["fault"]["thermal_load"][0].copy()}
 
     @property

@@ -7,7 +7,7 @@ output of these rows can be computed again.
 
 import numpy as np
 
-from haptic_device.control import actuation_delay, contact_model, servo, tool_contacts
+from haptic_device.control import actuation_delay, contact_model, linkage, servo, tool_contacts
 from haptic_device.control.records import AXES, CONTACTS, SETTINGS, STATE, TICK
 from haptic_device.jit import kernel
 from haptic_device.realtime import hardware_interface
@@ -30,28 +30,20 @@ IN_BAGS = {
 """group.field of a record → its name in the snapshots of all bags that there are; a field renamed since is added here.
 Else it is the field's name alone for groups in ALONE, and group_field."""
 ALONE = {"hardware", "virtual_tool.contacts", *STATE.names} - {"account", "coupling", "exchange", "change", "hold"}
+_ACCOUNT = "short", "value", "asked", "own", "way", "more", "lacks", "one_worst", "unpaid"
+_ACCOUNT += "beside", "spring_before", "fast"
 MADE_ANEW = (
-    {"walls.depth", "walls.whole", "account.short", "wished", "trial"}
-    | {f"motion.{name}" for name in ("elapsed", "unsure")}
-    | {
-        f"account.{name}"
-        for name in (
-            "value",
-            "asked",
-            "own",
-            "way",
-            "more",
-            "lacks",
-            "one_worst",
-            "unpaid",
-            "beside",
-            "spring_before",
-            "fast",
-        )
-    }
+    {"walls.depth", "walls.whole", "wished", "trial"}
+    | {f"motion.{name}" for name in ("elapsed", "unsure", "turned", "unfaded")}
+    | {f"account.{name}" for name in _ACCOUNT}
 )
 """Fields that a tick fills in before it reads them, or leaves at 0: no part of a snapshot."""
-SINCE = {"motion.sample_error", "samples.errors", "fade.apart", "hardware.stamp_error"}
+SINCE = (
+    {"motion.sample_error", "samples.errors", "fade.apart", "hardware.stamp_error"}
+    | {f"linkage.{name}" for name in linkage.NAMES}
+    | {"port.joints", "motion.joint", "motion.joint_velocity", "motion.jacobian", "account.place", "account.jacobian"}
+    | {"port.lever", "hardware.most_force", "hardware.step"}  # which no tick reads
+)
 """Fields that bags of before lack, where they were 0."""
 
 
@@ -71,9 +63,7 @@ def _columns(prefix, dtype, within=""):
 
 
 COLUMNS = {prefix: tuple(_columns(prefix, dtype)) for prefix, dtype in (("settings", SETTINGS), ("memory", STATE))}
-SNAPSHOT = np.dtype(
-    [("tick", "f8"), *((name, "f8", shape) for columns in COLUMNS.values() for _, name, shape in columns)]
-)
+SNAPSHOT = np.dtype([("tick", "f8"), *((name, "f8", shape) for of in COLUMNS.values() for _, name, shape in of)])
 
 NO_SETS = np.zeros(0, contact_model.SET).view(np.recarray)
 

@@ -17,15 +17,8 @@ from haptic_device.recording.status import Status, named_statuses, of_namespace
 
 TOPICS = ("encoder", "motor", "handle", "tool", "trace", "wrench", "pose", "operator/state", "operator/target")
 MARK = "mark"
-OTHERS = (
-    "/diagnostics",
-    MARK,
-    "snapshot",
-    "local_contacts",
-    "joint_states",
-    "scene/state",
-    "scene/contacts",
-)  # which not every bag has
+# which not every bag has
+OTHERS = "/diagnostics", MARK, "snapshot", "local_contacts", "joint_states", "scene/state", "scene/contacts"
 RESTARTS = 3  # of a publisher, in a recording; if its numbers fall more often, and one in a hundred, there are two
 _NODE = "haptic_"  # begins the name of every node of ours
 
@@ -88,23 +81,12 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
                 cloud_stamps[name] = columns.of_rows(topic.times.stamp)
         if isinstance(columns, JointColumns | CloudColumns) and (others := columns.kept.count(False)):
             notes.append(f"topic {name}: {others} messages of another layout than the first are left out")
-    return Recording(
-        bag,
-        namespace,
-        joints,
-        clouds,
-        cloud_stamps,
-        _diagnostics(said, namespace),
-        _marks(found.get(MARK), notes),
-        attachments,
-        {name: len(topic) for name, topic in topics.items()},
-        skipped,
-        _lost(bag, skipped),
-        {name: order for name, topic in topics.items() if (order := topic.order).stamped},
-        _length(topics.values()),
-        _pairs(found.get("trace"), clouds.get("trace"), joints.get("operator/state")),
-        tuple(notes),
-    )
+    diagnostics, marks = _diagnostics(said, namespace), _marks(found.get(MARK), notes)
+    counts, length = {name: len(topic) for name, topic in topics.items()}, _length(topics.values())
+    orders = {name: order for name, topic in topics.items() if (order := topic.order).stamped}
+    pairs = _pairs(found.get("trace"), clouds.get("trace"), joints.get("operator/state"))
+    told = diagnostics, marks, attachments, counts, skipped, _lost(bag, skipped), orders, length, pairs, tuple(notes)
+    return Recording(bag, namespace, joints, clouds, cloud_stamps, *told)
 
 
 def _collector(topic: str, type_name: str, only: Mapping[str, Any] | None) -> Collector | None:

@@ -12,20 +12,10 @@ from typing import Any
 import psutil
 
 PACKAGES = (
-    "haptic_display",
-    "mcap",
-    "numba",
-    "numpy",
-    "psutil",
-    "pymunk",
-    "python-fcl",
-    "rosbags",
-    "scipy",
-    "zstandard",
-    "ros-rclpy",
-    "ros-rmw-fastrtps-cpp",
-    "ros-fastrtps",
+    *("haptic_display", "mcap", "numba", "numpy", "psutil", "pymunk", "python-fcl", "rosbags", "scipy", "zstandard"),
+    *("ros-rclpy", "ros-rmw-fastrtps-cpp", "ros-fastrtps"),
 )
+ROS = "ROS_DISTRO", "RMW_IMPLEMENTATION", "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _GIT_PATIENCE = 2.0  # s
 
 
@@ -44,9 +34,7 @@ def facts() -> dict[str, Any]:
             "realtime_kernel": _read("/sys/kernel/realtime") == "1",
             "realtime_priority_limit": _realtime_limit(),
         },
-        "ros": {
-            name: os.environ.get(name) for name in ("ROS_DISTRO", "RMW_IMPLEMENTATION", "ROS_AUTOMATIC_DISCOVERY_RANGE")
-        },
+        "ros": {name: os.environ.get(name) for name in ROS},
     }
 
 

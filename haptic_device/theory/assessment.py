@@ -2,7 +2,7 @@
 """Assessment of a display: passive, stable, with any simulation behind the coupling; by how much, what to change."""
 
 from collections.abc import Iterator
-from math import isfinite, sqrt, tau
+from math import inf, isfinite, sqrt, tau
 from typing import NamedTuple
 
 import numpy as np
@@ -227,11 +227,15 @@ def _largest_passive(display: Display) -> float:
     damped = largest_passive_stiffness(
         display.physical_damping, display.damping, display.period, display.velocity_lag, display.delay_samples
     )
+    return float(min(damped, hidden_stiffness(display)))
+
+
+def hidden_stiffness(display: Display) -> float:
+    """Largest K [N/m] whose limit cycles friction hides: 2 f_c/Δ − |v| − v (Abbott & Okamura, Diolaiti et al. 2006)."""
     if display.resolution == 0.0:
-        return float(damped)
+        return inf
     viscous = display.damping / (display.period + display.velocity_lag)
-    covered = 2.0 * display.coulomb / display.resolution - abs(viscous) - viscous
-    return float(min(damped, max(covered, 0.0)))
+    return max(2.0 * display.coulomb / display.resolution - abs(viscous) - viscous, 0.0)
 
 
 def _coupling_need(display: Display) -> float:

@@ -9,12 +9,14 @@ as one independent draw, which a coloured residual does not fool.
 """
 
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import OptimizeResult, least_squares
+from scipy.signal import savgol_filter
 
+from haptic_device.config.kinematics import Kinematics
 from haptic_device.device.axis_rerun import run_segments
 from haptic_device.theory.quantity import Array
 
@@ -23,6 +25,7 @@ FEWEST = 8  # segments that a confidence can rest on
 LEAST_STEPS = 10  # of the encoder that the handle moves in a segment that tells anything
 LONGEST_PAUSE = 0.5 * SEGMENT  # [s] between two latches
 MOST_DELAY = 0.02  # [s]
+SMOOTH = 0.006  # [s] over which accelerations of a linkage are taken
 NAMES = ("mass", "damping", "coulomb", "bias", "delay")
 TINY, HUGE = 1e-3, 1e3  # times mass and damping of the beginning: where the search ends
 
@@ -71,6 +74,30 @@ def trace_of(rows: npt.NDArray[np.void], axis: int, position_per_count: float) -
     return Trace(time, written, rows["counts"][:, axis] * position_per_count, rows["force_on_handle"][:, axis].copy())
 
 
+def joint_trace(
+    rows: npt.NDArray[np.void], joint: int, position_per_count: float, kinematics: Kinematics, mass: float, delay: float
+) -> tuple[Trace, float]:
+    """Trace of a linkage's joint from servo rows (TICK) [s, rad, N m], and what its handle's mass [kg] adds to the
+    joint's inertia at the mean pose [kg m²].
+
+    I θ'' + b θ' + friction = τ − m (Jᵀ x'')_joint. The part of the last term that this inertia makes stays with θ'',
+    the rest, by other joints and other poses, is taken from the motor's torque so long after it was written [s].
+
+    Raises ValueError, one sentence, where rows do not follow each other.
+    """
+    trace = trace_of(rows, joint, position_per_count)
+    angles = rows["joint"][:, : kinematics.joints]
+    poses = np.array([kinematics.pose(*at) for at in angles.tolist()])
+    along = poses[:, [2 + joint, 4 + joint]]
+    own = mass * float(np.mean(along[:, 0])) ** 2 + mass * float(np.mean(along[:, 1])) ** 2
+    tick = _tick(trace)
+    motion = np.column_stack([poses[:, :2], angles[:, joint]])
+    faster = savgol_filter(motion, 2 * max(2, round(0.5 * SMOOTH / tick)) + 1, 2, 2, tick, axis=0)
+    rest = mass * np.sum(along * faster[:, :2], axis=1) - own * faster[:, 2]
+    held = np.interp(trace.written + 0.5 * tick + delay, trace.time, rest)
+    return trace._replace(force=rows["torque"][:, joint] - held), own
+
+
 def identify(trace: Trace, mass: float, damping: float, units: tuple[str, str, str] = ("m", "N", "kg")) -> Identified:
     """Identified axis; mass and damping are where the search begins, a factor of five off is near enough.
 
@@ -88,9 +115,8 @@ def identify(trace: Trace, mass: float, damping: float, units: tuple[str, str, s
     low, high = np.full((2, first.size), [[-np.inf], [np.inf]])
     low[: begin.size] = TINY * mass, TINY * damping, 0.0, -most, 0.0
     high[: begin.size] = HUGE * mass, HUGE * damping, most, most, MOST_DELAY
-    found = least_squares(
-        fit.residual, first, fit.jacobian, (low, high), x_scale="jac", xtol=1e-8, ftol=1e-7, max_nfev=60
-    )
+    ends: dict[str, Any] = {"xtol": 1e-8, "ftol": 1e-7, "max_nfev": 60}
+    found = least_squares(fit.residual, first, fit.jacobian, (low, high), x_scale="jac", **ends)
     identified = _with_confidence(found, begins)
     _refuse_unknown(identified.mass, trace, units)
     return identified

@@ -2,6 +2,7 @@
 """Figure: the K–B plane of a display, how stiff it is passive and how stiff it is stable, and where it stands."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -23,16 +24,8 @@ def save_map(display: Display, assessment: Assessment, path: Path) -> None:
     axes = figure.subplots()
     draw_map(axes, display)
     mark, colour, verdict = (PASS_MARK, PASS, "passive") if assessment.passive else (FAIL_MARK, FAIL, "not passive")
-    axes.plot(
-        display.damping,
-        display.stiffness / 1e3,
-        mark,
-        color=colour,
-        markeredgecolor=BLACK,
-        markersize=10,
-        label=f"this display: {verdict}",
-        zorder=3,
-    )
+    look: dict[str, Any] = {"color": colour, "markeredgecolor": BLACK, "markersize": 10, "zorder": 3}
+    axes.plot(display.damping, display.stiffness / 1e3, mark, label=f"this display: {verdict}", **look)
     axes.set_ylim(0.0, 1.15 * max(axes.get_ylim()[1], display.stiffness / 1e3))
     axes.set_title(TITLE)
     dress(figure, caption(display))

@@ -187,9 +187,8 @@ def record_of(setup: Setup, operator: Operator) -> npt.NDArray[np.void]:
     for name in ("mass", "damping", "stiffness"):
         record[f"operator_{name}"] = getattr(operator, name)
     record["push"] = operator.push
-    record["position"], record["depth"], record["velocity"] = (
-        (0.0, 4 / 3, 0.0) if operator.pressed else (-2e-3, 0.0, 0.1)
-    )
+    start = (0.0, 4 / 3, 0.0) if operator.pressed else (-2e-3, 0.0, 0.1)
+    record["position"], record["depth"], record["velocity"] = start
     return record
 
 

@@ -28,7 +28,7 @@ from haptic_display.run.system import Order, Relay, is_served_by_others, led_by_
 from haptic_sim.node.parameters import HOME_PORT, NODES
 
 _EXCHANGE = "Exchange method between driver and simulation."
-_PARAMS = "Operating point: a name in config or a YAML file."
+_PARAMS = "Operating point: a name in config or a YAML file [that of the --device's name, or demo]."
 _DELAY = "Round trip added between driver and simulation by a relay [ms]."
 _SCENE = "A name in config/scenes or a YAML file [that of --params, or peg_in_hole]."
 _DEVICE = "Device description, in place of that of --params: a name in config/devices or a YAML file."
@@ -45,7 +45,7 @@ def demo(
     everything: Annotated[bool, typer.Option("--all", help="Print every figure, not only the main ones.")] = False,
     exchange: Annotated[str | None, typer.Option(help=_EXCHANGE, autocompletion=exchange_method)] = None,
     rate: Annotated[float | None, number("Hz", 500.0, 10000.0, help="Servo rate [Hz].")] = None,
-    params: Annotated[str, typer.Option(help=_PARAMS, autocompletion=shipped(""))] = "demo",
+    params: Annotated[str | None, typer.Option(help=_PARAMS, autocompletion=shipped(""))] = None,
     device: Annotated[str | None, typer.Option(help=_DEVICE, autocompletion=shipped("devices"))] = None,
     delay: Annotated[float, number("ms", 0.0, 2000.0, help=_DELAY)] = 0.0,
     jitter: Annotated[float, number("ms", 0.0, 2000.0, help=_JITTER)] = 0.0,
@@ -97,12 +97,20 @@ def run(order: Order, started: float, as_json: bool, everything: bool = False) -
 
 
 def _order(scene, seconds, out, exchange, rate, params, device) -> Order:
-    point = find("", params).absolute()
+    point = find("", params or _own_point(device)).absolute()
     scene = scene or read_operating_point(point, NODES)["haptic_simulation"].get("scene", "peg_in_hole")
     out = out or Path("haptic_runs") / f"{Path(scene).stem}-{time.strftime('%Y%m%d-%H%M%S')}"
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise ValueError(f"--out {out} exists already and is not empty; name a new folder")
     return Order(scene, seconds, out.absolute(), exchange, rate, point, device=device)
+
+
+def _own_point(device: str | None) -> str:
+    """The operating point that is named as the device, with the gains for it; else demo."""
+    name = Path(device or "demo").stem
+    with contextlib.suppress(FileNotFoundError):
+        return str(find("", name))
+    return "demo"
 
 
 def play(order: Order) -> bool:

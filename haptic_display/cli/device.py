@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic device find`, `show`, `set-up` and `test`: a device of one's own, from the plug to the promises it keeps."""
+"""`haptic device find`, `show`, `kinematics`, `set-up`, `test`: a device of one's own, from plug to promises."""
 
 import contextlib
 import json
@@ -27,7 +27,9 @@ _DOMAIN = "ROS domain in which haptic_bridge or haptic_loopback runs, and no dri
 _NAMESPACE = "Namespace of the device that runs."
 _JSON = "Print one JSON object instead of a table."
 _WATCH = "Wait for a device that is plugged in; tell which it is."
-_MOTOR = "Motor value that x is given meanwhile (motor units)."
+_MOTOR = "Motor value that x, or the first joint, is given meanwhile (motor units)."
+_JOINTS = "Angles A,B of the joints (degrees); of one joint A."
+_POSITION = "Place X,Y of the handle in the linkage's frame (m); of one joint X."
 
 
 @device.command()
@@ -132,6 +134,37 @@ def _figures(figures, domain):
     return table(("figure", "", "unit"), rows, title=f"device in ROS domain {domain}", caption=caption)
 
 
+@device.command(short_help="Where a linkage's handle is, and its Jacobian.")
+def kinematics(
+    name: Annotated[str, typer.Argument(help=_NAME, autocompletion=shipped("devices"))],
+    joints: Annotated[str | None, typer.Option(help=_JOINTS, metavar="A,B")] = None,
+    position: Annotated[str | None, typer.Option(help=_POSITION, metavar="X,Y")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help=_JSON)] = False,
+) -> None:
+    """Where the handle of a linkage is at these joint angles, or the angles at this place, and the Jacobian."""
+    from haptic_device.config.description import load_device
+    from haptic_device.theory.felt import felt_at
+
+    with refused("device kinematics"):
+        described = load_device(name)
+        if not described.joints:
+            raise ValueError(f"{described.name} has no joints: each of its motors moves an axis")
+        if (joints is None) == (position is None):
+            raise ValueError("give --joints or --position, and not both")
+        pose = felt_at(described, joints, position)
+    linkage, jacobian, degrees = described.kinematics, pose.jacobian.tolist(), pose.values["joints"]
+    if as_json:
+        typer.echo(json.dumps({"position": pose.position, "jacobian": jacobian, "joints": degrees}))
+        return
+    names = [joint.name for joint in described.joints]
+    rows = [(name, f"{angle:.6g}", "°") for name, angle in zip(names, degrees, strict=True)]
+    for axis, at, zero, along in zip("xy", pose.position, linkage.origin, jacobian, strict=False):
+        rows += [(axis, f"{at:.6g}", "m"), (f"{axis} from origin", f"{at - zero:.6g}", "m")]
+        rows += [(f"∂{axis}/∂{name}", f"{each:.6g}", "m/rad") for name, each in zip(names, along, strict=True)]
+    rows.append(("from singular (0: at it, 1: far)", f"{pose.singular:.4g}", ""))
+    console().print(table(("figure", "", "unit"), rows, title=f"{described.name}, a {linkage.type}"))
+
+
 @device.command("set-up", short_help="Describe a device by moving its handle.")
 def set_up(
     name: Annotated[str, typer.Argument(help=_BEGIN, autocompletion=shipped("devices"))],
@@ -155,6 +188,7 @@ def set_up(
         _refuse_file(out)
         questions = Answers.read(answers) if answers else Terminal()
         described = load_device(name)
+        device_set_up.refuse_linkage(described)
         with device_page.opened(name, domain, namespace) as page:
             content = device_set_up.set_up(questions, device_page.PageDevice(page), described, out.stem, push)
         device_set_up.write(out, content, described.name)
@@ -196,10 +230,12 @@ def test(
     as_json: Annotated[bool, typer.Option("--json", help=_JSON)] = False,
 ) -> None:
     """Try every promise that a device owes the servo. Exit code 1: one is not kept, 2: nothing could be tried."""
+    from haptic_device.config.description import load_device
     from haptic_display.device_tools import conformance, device_page
 
     with refused("device test"), device_page.opened(name, domain, namespace) as page:
-        typer.echo(f"the motor of x is given {motor:g} motor units for some seconds: leave the handle", err=True)
+        first = next((joint.name for joint in load_device(name).joints), "x")
+        typer.echo(f"the motor of {first} is given {motor:g} motor units for some seconds: leave the handle", err=True)
         results = conformance.check_all(page, lambda told: say(f"trying: {told}"), motor)
     if as_json:
         typer.echo(json.dumps({"checks": [result._asdict() for result in results]}))

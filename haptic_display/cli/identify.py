@@ -13,6 +13,7 @@ from haptic_display.cli.numbers import number, whole
 from haptic_display.cli.words import console, next_step, refused, shown_path, table
 
 _DEVICE = "Device description that the driver has, the beginning of the search (a name in config/devices or a file)."
+_FORCE = "Largest force of the shaking on each axis (N) [3, or of a linkage a fifth of what it makes]."
 _TORQUE = "Largest torque of the shaking about theta (N m) [a twentieth of its motor's]."
 _RATE = "Servo rate of a driver that is started here (Hz)."
 _LOOPBACK = "Description of the loopback that is started, if it is to be another device."
@@ -28,7 +29,7 @@ def identify(
     device: Annotated[str, typer.Option(help=_DEVICE, autocompletion=shipped("devices"))] = "desktop",
     loopback: Annotated[str | None, typer.Option(help=_LOOPBACK, autocompletion=shipped("devices"))] = None,
     seconds: Annotated[float, number("s", 3.0, 600.0, help="How long it is shaken (s).")] = 8.0,
-    force: Annotated[float, number("N", help="Largest force of the shaking on each axis (N).")] = 3.0,
+    force: Annotated[float | None, number("N", help=_FORCE)] = None,
     torque: Annotated[float | None, number("N m", help=_TORQUE)] = None,
     rate: Annotated[float, number("Hz", 500.0, 10000.0, help=_RATE)] = 4000.0,
     domain: Annotated[int | None, whole(0, 232, help=_DOMAIN)] = None,
@@ -58,14 +59,16 @@ def _refuse_folder(out):
 def _show(report):
     from rich.table import Column
 
-    from haptic_display.device_tools.identification import UNITS
+    from haptic_display.device_tools.identification import STRAIGHT, UNITS
 
     axes = report["axes"]
+    straight, turns = (any((name in STRAIGHT) is kind for name in axes) for kind in (True, False))
     rows = []
     for name, (unit, turning) in UNITS.items():
         prefix, scale = PREFIX.get(name, ("", 1.0))
         unit, turning = f"{prefix}{unit}", f"{prefix}{turning}"
-        units = f"{unit}, theta {turning}" if "theta" in axes and turning != unit else unit
+        both = f"{unit}, theta {turning}" if straight and turning != unit else turning
+        units = both if turns else unit
         values = (_scaled(*each[name], scale) for each in axes.values())
         rows.append((f"{WORDS.get(name, name)} [{units}]", *values))
     console().print(table(("", *(Column(axis, no_wrap=True) for axis in axes)), rows, title=report["device"]))

@@ -34,14 +34,8 @@ def record(
     """Record all topics of a running system to a rosbag2 folder (MCAP). Ctrl-C is the normal end."""
     out = (out or Path("haptic_bags") / time.strftime("%Y%m%d-%H%M%S")).absolute()
     bag = out / "bag"
-    given = {
-        "bag": str(bag),
-        "trial.participant": participant,
-        "trial.condition": condition,
-        "trial.fields": field,
-        "split.size": split_size,
-        "split.duration": split_duration,
-    }
+    trial = {"trial.participant": participant, "trial.condition": condition, "trial.fields": field}
+    given = {"bag": str(bag), **trial, "split.size": split_size, "split.duration": split_duration}
     parameters = {name: value for name, value in given.items() if value not in (None, "")}
     trial_of({"trial.fields": [], "trial.participant": participant, "trial.condition": condition} | parameters)
     program = Program(RECORDER, "haptic_device.nodes.recorder", parameters, namespace=namespace)

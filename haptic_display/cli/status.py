@@ -159,9 +159,8 @@ def table(found: dict, domain: int, motor: float | None = None):
     """A row for each node and each of its figures; motor [N]: force on the handle, where the loopback tells it."""
     title = f"ROS domain {domain}" + ("" if motor is None else f", on the hand {amount(motor, 'N')}")
     caption = "" if found else "nothing heard yet"
-    return words.table(
-        ("node", "figure", "level", "now"), map(_row, found, found.values()), title=title, caption=caption
-    )
+    heads = "node", "figure", "level", "now"
+    return words.table(heads, map(_row, found, found.values()), title=title, caption=caption)
 
 
 def _row(name: str, entry: dict):

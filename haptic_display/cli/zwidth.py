@@ -15,8 +15,8 @@ from haptic_display.cli.numbers import number, whole
 from haptic_display.cli.progress import SCHEDULER, progress
 from haptic_display.cli.words import console, next_step, print_sentence, refused, shown_path, table
 
-_DEVICE = "Take m, b, friction, encoder step and delays from this device's x axis (a name in config/devices or a file)."
-
+_DEVICE = "Take m, b, friction, encoder step and delays from this x axis, or a linkage's worst pose (name or file)."
+_DAMPING = "Physical damping b (N s/m) [0.5]; of a linkage's joints, all alike (N m s/rad)."
 _LIVE = "Raise the wall's stiffness on driver and loopback until it shakes, instead of drawing the map of a model."
 _LATENESS = "Also draw: writes late by anything up to this (s), at most T/2."
 _OPERATOR = "none, light, firm, or worst of a grid of masses and springs."
@@ -37,7 +37,7 @@ def zwidth(
     context: typer.Context,
     device: Annotated[str | None, typer.Option(help=_DEVICE, autocompletion=shipped("devices"))] = None,
     mass: Annotated[float | None, number("kg", help="Moving mass m (kg) [0.1].")] = None,
-    physical_damping: Annotated[float | None, number("N s/m", help="Physical damping b (N s/m) [0.5].")] = None,
+    physical_damping: Annotated[float | None, number("N s/m", help=_DAMPING)] = None,
     period: Annotated[float, number("s", help="Servo period T (s).")] = 0.001,
     delay_samples: Annotated[float | None, number("periods", help="Loop delay in periods [0].")] = None,
     velocity_lag: Annotated[float, number("s", help="Time constant of the velocity filter (s).")] = 0.0,
@@ -93,13 +93,25 @@ def _next(found, live):
 
 
 def _draw(device, given, cells, lateness, out, workers, scheduler):
-    from haptic_display.device_tools.zwidth_plane import Setup, device_figures, request_of, write_map
+    from haptic_device.config.description import load_device
+    from haptic_device.theory.felt import damped, felt_at
+    from haptic_display.device_tools.zwidth_plane import Setup, device_figures, request_of, write_map, write_workspace
 
-    base = {"mass": 0.1, "physical_damping": 0.5} if device is None else device_figures(device, given["period"])
+    base, pose = {"mass": 0.1, "physical_damping": 0.5}, None
+    if device is not None:
+        device = load_device(device)
+        if device.joints:
+            damping = given.pop("physical_damping", None)
+            device = device if damping is None else damped(device, damping)
+            pose = felt_at(device)
+        base = device_figures(device, pose, given["period"])
     request = request_of(Setup(**base | given), *cells)
     rows = request.damping.size
     with progress(rows) as show:
-        return write_map(request, lateness, out, workers, scheduler, lambda done: show(done, "rows of the map"))
+        found = write_map(request, lateness, out, workers, scheduler, lambda done: show(done, "rows of the map"))
+    if pose is None:
+        return found
+    return found | write_workspace(device, pose, request.setup, out) | {"where": pose.told}
 
 
 def _measure(name, period, damping, stiffness_max, domain, namespace):
@@ -145,4 +157,8 @@ def _show(found):
     console().print(table(("B [N s/m]", *heads), rows, title=TITLE))
     shares = ", ".join(f"{SHARES[name]} in {plain(100 * share)} %" for name, share in found["shares"].items())
     print_sentence(f"{found['cells']} cells with operator {found['operator']}: {shares}")
+    if "where" in found:
+        print_sentence(f"All of it is at the worst pose of the workspace, in its worst direction: {found['where']}")
     print(f"map     {found['csv']}\nfigure  {found['figure']}")
+    if "workspace" in found:
+        print(f"places  {found['workspace']}")

@@ -40,19 +40,20 @@ SERVING = "haptic_bridge", "haptic_loopback"
 def figures(statuses: dict[str, Status], page: Glance | None, position: dict[str, float]) -> dict[str, tuple[str, str]]:
     """{figure: (value, unit)} in the order of a table; what nobody tells is left out.
 
-    statuses: fresh ones by node; position: of the handle by axis, as `encoder` tells it [m, rad].
+    statuses: fresh ones by node; position: of each axis, or of each joint of a linkage, as `encoder` tells it [m, rad].
     """
     found: dict[str, tuple[str, str]] = {}
+    drives = AXES if AXES.keys() >= position.keys() else position  # counts are of these
     for node in (*SERVING, "haptic_driver"):
         if node in statuses:
             found[node] = f"{LEVELS[statuses[node].level]}: {statuses[node].message}", ""
     if page is not None and page.age < OLD:
-        found |= {f"counts {axis}": (str(count), "") for axis, count in zip(AXES, page.counts, strict=True)}
+        found |= {f"counts {axis}": (str(count), "") for axis, count in zip(drives, page.counts, strict=False)}
         found["status of the device"] = words_of(page.status), ""
         found["age of the sample"] = f"{page.age * 1e3:.1f}", "ms"
     elif page is not None:
         found["age of the sample"] = f"{page.age:.1f}: the device is silent", "s"
-    found |= {f"position {axis}": (f"{value:+.6f}", AXES[axis]) for axis, value in position.items() if axis in AXES}
+    found |= {f"position {axis}": (f"{value:+.6f}", AXES.get(axis, "rad")) for axis, value in position.items()}
     for nodes, names in ((SERVING, BRIDGE), (("haptic_driver",), DRIVER)):
         values = {key: value for node in nodes if node in statuses for key, value in statuses[node].values.items()}
         found |= {figure: (values[key], unit) for key, (figure, unit) in names.items() if values.get(key, "") != ""}

@@ -7,16 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from haptic_device.config.description import Axis, Device, load_device
+from haptic_device.config.description import Axis, Device, Joint, load_device
 from haptic_device.config.files import find
 from haptic_device.config.yaml_reader import dump
 from haptic_device.os_errors import naming
-from haptic_device.theory.identify import identify, resolution_of, trace_of
+from haptic_device.theory.identify import NAMES, Identified, identify, joint_trace, resolution_of, trace_of
 from haptic_device.theory.quantity import positive
 from haptic_display.device_tools.excitation import record_excitation
 from haptic_display.device_tools.pair import on_pair
 
 SHARE = 0.05  # of the motor's torque, to turn with
+FORCE, LINKED = 3.0, 0.2  # [N] to shake with at most; share of it that a linkage can make
+STRAIGHT = "x", "y"  # axes that are no turning ones, as theta and all joints are
 _COUPLING = ("coupling.stiffness", "coupling.damping", "coupling.rotational_stiffness", "coupling.rotational_damping")
 Figures = dict[str, tuple[float, float | None]]
 """Of one axis: name → value and its confidence, if it has one."""
@@ -35,20 +37,21 @@ def identify_device(
     name: str,
     loopback: str | None,
     seconds: float,
-    force: float,
+    force: float | None,
     torque: float | None,
     rate: float,
     domain: int | None,
     namespace: str | None,
 ) -> tuple[dict[str, Figures], Device]:
-    """({axis: its figures}, description) of the driver there, or else of a pair that is started here.
+    """({axis, or joint of a linkage: its figures}, description) of the driver there, or else of a pair started here.
 
     name, loopback: descriptions of the driver's device, and of the loopback's if it is another (or None); for so long
     [s], with at most so much force [N] and torque [N m]; at this servo rate [Hz]. Raises ValueError, NodeDiedError.
     """
-    positive("force", force, "N")
     positive("rate", rate, "Hz")
     described = load_device(name)
+    force = _force(described) if force is None else force
+    positive("force", force, "N")
     other = load_device(loopback) if loopback else described
     if len(other.axes) != len(described.axes):
         raise ValueError(f"--loopback has {len(other.axes)} axes and --device {len(described.axes)}")
@@ -60,12 +63,20 @@ def identify_device(
     true["motor_watchdog"] = 1.0
     given = described, seconds, force, torque
     rows = on_pair(domain, namespace, told, true, lambda at, room, check: record_excitation(at, room, check, *given))
-    return {axis.name: estimate(rows, i, axis) for i, axis in enumerate(described.axes)}, described
+    found = {joint.name: estimate_joint(rows, i, described) for i, joint in enumerate(described.joints)}
+    for axis in described.axes[len(found) :]:
+        found[axis.name] = estimate(rows, len(found), axis)
+    return found, described
 
 
 def _hand() -> tuple[str, ...]:
     parts = ("mass", "damping", "stiffness", "rotational_mass", "rotational_damping", "rotational_stiffness")
     return tuple(f"hand.{part}" for part in parts)
+
+
+def _force(device: Device) -> float:
+    """Largest force of the shaking where none is given [N]."""
+    return min([FORCE, *(LINKED * axis.motor_limit for axis in device.axes[: len(device.joints)])])
 
 
 def _refuse_force(device: Device, force: float) -> None:
@@ -99,25 +110,56 @@ def estimate(rows: np.ndarray, index: int, axis: Axis) -> Figures:
         step = resolution_of(rows["counts"][:, index], per_count)
     except ValueError as refusal:
         raise ValueError(f"axis {axis.name}: {refusal}") from None
-    values: dict[str, Any] = {
-        name: tuple(getattr(found, name)) for name in ("mass", "damping", "coulomb", "bias", "delay")
-    }
+    return _figures(found, step)
+
+
+def estimate_joint(rows: np.ndarray, index: int, device: Device) -> Figures:
+    """Figures of a linkage's joint, its mass is its inertia without the handle's. Raises ValueError, one sentence."""
+    joint: Joint = device.joints[index]
+    per_count, handle = joint.encoder_sign * joint.step, device.handle.mass if device.handle else 0.0
+    delay, begin = device.sensing_delay + device.actuation_delay, (joint.inertia, joint.damping)
+    try:
+        for _ in range(2):  # the second time with the delay that was found
+            trace, own = joint_trace(rows, index, per_count, device.kinematics, handle, delay)
+            found = identify(trace, begin[0] + own, begin[1], ("rad", "N m", "kg m²"))
+            delay, begin = found.delay.value, (max(0.0, found.mass.value - own), found.damping.value)
+        step = resolution_of(rows["counts"][:, index], per_count)
+        if not found.mass.value > own:
+            told = f"{found.mass.value:.3g} kg m², less than {handle:g} kg at the handle make there, {own:.3g} kg m²"
+            raise ValueError(f"it turns with {told}: write a smaller mass of the handle")
+    except ValueError as refusal:
+        raise ValueError(f"joint {joint.name}: {refusal}") from None
+    return _figures(found._replace(mass=found.mass._replace(value=found.mass.value - own)), step)
+
+
+def _figures(found: Identified, step: float) -> Figures:
+    values: dict[str, Any] = {name: tuple(getattr(found, name)) for name in NAMES}
     return values | {"resolution": (step, None), "residual": (found.residual, None)}
 
 
 def write_description(path: Path, described: Device, found: dict[str, Figures]) -> None:
     """The description with what was found in it; the confidence stands beside it as comments."""
     delay = max(0.0, _weighted([axis["delay"] for axis in found.values()]))
-    content = described.model_dump(mode="json")
-    for axis in content["axes"]:
+    content = content_of(described)
+    for part in (*content["axes"], *content.get("joints", ())):
         for name in ("mass", "damping", "coulomb"):
-            axis[name] = round(max(0.0, found[axis["name"]][name][0]), 9)
+            place, digits = ("inertia", 12) if name == "mass" and "inertia" in part else (name, 9)
+            part[place] = round(max(0.0, found[part["name"]][name][0]), digits)
     content |= {"name": f"{described.name}_identified", "sensing_delay": 0.0, "actuation_delay": round(delay, 9)}
     lines = [f"#   {axis}: {_line(axis, values)}" for axis, values in found.items()]
     head = "# Identified by haptic identify, ± 95 % confidence. Only the sum of both delays can be told: it stands as\n"
     head += "# actuation_delay.\n"
     with naming(path):
         path.write_text(head + "\n".join(lines) + "\n" + dump(content), encoding="utf-8")
+
+
+def content_of(device: Device) -> dict[str, Any]:
+    """A description as it is written: x and y of a linkage are made of its joints, and others have no joints."""
+    if not device.joints:
+        return device.model_dump(mode="json", exclude={"kinematics", "joints", "handle"})
+    content = device.model_dump(mode="json", exclude_none=True)
+    content["axes"] = content["axes"][len(device.joints) :]
+    return content
 
 
 def _weighted(estimates: Iterable[tuple[float, float | None]]) -> float:
@@ -127,7 +169,8 @@ def _weighted(estimates: Iterable[tuple[float, float | None]]) -> float:
 
 
 def _line(axis: str, values: Figures) -> str:
-    return ", ".join(f"{name} {figure_text(*pair)} {UNITS[name][axis == 'theta']}" for name, pair in values.items())
+    turning = axis not in STRAIGHT
+    return ", ".join(f"{name} {figure_text(*pair)} {UNITS[name][turning]}" for name, pair in values.items())
 
 
 def figure_text(value: float, confidence: float | None) -> str:

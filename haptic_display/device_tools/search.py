@@ -36,15 +36,9 @@ def found_at(port: Port, grabbed: bool, baud: int, patience: float, hello: bool)
     link = None
     if greeting:
         link = {"type": "serial", "port": port.lasting} | ({} if baud == 115200 else {"baud": baud})
-    return {
-        "port": port.path,
-        "by_id": port.by_id,
-        "usb": {name: getattr(port, name) for name in ("vendor", "product", "serial", "maker", "model")},
-        "answer": answer,
-        "greeting": greeting._asdict() if greeting else None,
-        "link": link,
-        "notes": told,
-    }
+    usb = {name: getattr(port, name) for name in ("vendor", "product", "serial", "maker", "model")}
+    heard = {"answer": answer, "greeting": greeting._asdict() if greeting else None, "link": link, "notes": told}
+    return {"port": port.path, "by_id": port.by_id, "usb": usb, **heard}
 
 
 def plugged(seen: Callable[[], list[Port]], told: Callable[[str], None], wait: Callable[[], None]) -> Port:

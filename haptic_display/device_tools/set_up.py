@@ -16,6 +16,7 @@ from haptic_device.config.description import Device, parse
 from haptic_device.os_errors import naming
 from haptic_device.realtime.hardware_interface import COUNTS, STATUS
 from haptic_display.device_tools.device_page import CUTS, PageDevice, words_of
+from haptic_display.device_tools.identification import content_of
 from haptic_display.device_tools.questions import Questions
 
 PUSH = 0.01  # [motor units] most that a motor is given
@@ -34,7 +35,7 @@ def set_up(questions: Questions, device: PageDevice, described: Device, name: st
     device.tick(motor values (3)) gives a sample of realtime/hardware_interface. Its motors are given at most
     `push` [motor units], one at a time, if that is allowed, and are at zero when this ends. Raises ValueError.
     """
-    content = described.model_dump(mode="json") | {"name": name}
+    content = content_of(described) | {"name": name}
     try:
         content |= _homing(questions, described)
         origin = _Origin(questions, device, content)
@@ -47,7 +48,16 @@ def set_up(questions: Questions, device: PageDevice, described: Device, name: st
     finally:
         with contextlib.suppress(ValueError):  # it is silent, and cuts its motors itself
             device.tick(STILL)
-    return parse(content, name).model_dump(mode="json")
+    return content_of(parse(content, name))
+
+
+def refuse_linkage(described: Device) -> None:
+    """ValueError, one sentence, for a device with joints, of which a way along an axis tells nothing."""
+    if described.joints:
+        raise ValueError(
+            f"{described.name} is a {described.kinematics.type}, and set-up measures axes, not joints: write "
+            "encoder_sign, counts_per_rad, zero and motor_sign of each joint by hand, with haptic device show beside it"
+        )
 
 
 def write(path: Path, content: Content, began_with: str) -> None:

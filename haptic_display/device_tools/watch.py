@@ -3,7 +3,6 @@
 
 import time
 
-from haptic_device.message_fields import AXES
 from haptic_device.nodes.messages import LATEST
 from haptic_device.realtime.shared_memory import file_name
 from haptic_device.recording.layouts import JOINTS
@@ -39,9 +38,7 @@ class DeviceWatch:
     def figures(self) -> dict[str, tuple[str, str]]:
         """{figure: (value, unit)}, as device_figures has it."""
         position = self._position if time.monotonic() - self._heard < FRESH else {}
-        return device_figures.figures(
-            self._fresh(), glance(self._page), {a: position[a] for a in AXES if a in position}
-        )
+        return device_figures.figures(self._fresh(), glance(self._page), position)
 
     def answering(self) -> bool:
         """Whether a device answers there now."""

@@ -30,6 +30,7 @@ TOUCHED = (
 )
 REST = 0.4  # [s] in free space between two gestures
 STALLED = {faults.name_of(code) for code in (faults.DEVICE_SILENT, faults.DEVICE_WATCHDOG)}
+REACH = 0.02  # [m] of the circle; the walls stand at its edge
 TRIES = 5  # of one touch
 CANCELLED = 0.95  # share of the damping, for the free end
 STIFFEST = 1e6  # [N/m] that is tried if nobody says otherwise
@@ -110,13 +111,8 @@ class LiveDisplay:
 
     def free(self, policy: str = "off") -> None:
         """No wall, no coupling, and nothing that would calm what is to be seen; gains are judged by this policy."""
-        self._tuning.set(
-            passivity__policy=policy,
-            passivity__control=False,
-            cancellation__ratio=0.0,
-            coupling__stiffness=0.0,
-            coupling__damping=0.0,
-        )
+        free = {"cancellation__ratio": 0.0, "coupling__stiffness": 0.0, "coupling__damping": 0.0}
+        self._tuning.set(passivity__policy=policy, passivity__control=False, **free)
 
     def _wall(self, stiffness: float) -> None:
         damping = self._damping if stiffness else 0.0
@@ -141,8 +137,14 @@ def plan(name: str, period: float, damping: float, stiffness_max: float | None) 
     check_value(declared["wall.damping"], (damping,))
     stiffness_max = STIFFEST if stiffness_max is None else stiffness_max
     positive("stiffness_max", stiffness_max, "N/m")
-    path = str(Path(find("devices", name)).absolute())
-    return Plan(load_device(name), path, 1.0 / period, damping, stiffness_max)
+    path, device = str(Path(find("devices", name)).absolute()), load_device(name)
+    for axis, (low, high) in zip("xy", device.handle.used if device.handle else (), strict=False):
+        if low > -REACH or high < REACH:
+            raise ValueError(
+                f"--live moves the handle within {REACH:g} m of its origin; the workspace of {name} is {low:g} to "
+                f"{high:g} m along {axis}: leave --live out"
+            )
+    return Plan(device, path, 1.0 / period, damping, stiffness_max)
 
 
 def measure(plan: Plan, domain: int | None, namespace: str | None, say: Say) -> dict[str, Any]:
@@ -182,18 +184,12 @@ def _figures(live: LiveDisplay, tuning: Tuning, plan: Plan, say: Say) -> dict[st
     say("the same in lock-step")
     lockstep = LockstepDisplay(device, rate, damping, delay)
     same = probe.find_boundary(lockstep.show, 0.95 * bound, min(stiffness_max, 20.0 * bound))
+    freed = {"none": lockstep.turn(0.0), "cancelled": lockstep.turn(CANCELLED)}
+    head = {"rate": rate, "damping": damping, "physical_damping": b, "write_delay": delay, "passive": passive}
     return {
-        "rate": rate,
-        "damping": damping,
-        "physical_damping": b,
-        "write_delay": delay,
-        "passive": passive,
+        **head,
         "live": {"quiet": boundary.quiet, "shaking": boundary.shaking, "damping": free},
-        "lockstep": {
-            "quiet": same.quiet,
-            "shaking": same.shaking,
-            "damping": {"none": lockstep.turn(0.0), "cancelled": lockstep.turn(CANCELLED)},
-        },
+        "lockstep": {"quiet": same.quiet, "shaking": same.shaking, "damping": freed},
         "at_95_percent_of_passive": {"shaking": shaking, "energy_given": given},
     }
 
@@ -207,13 +203,8 @@ def _write_delay(tuning: Tuning) -> float:
 
 
 def _truth(truths: list[dict[str, Any]]) -> probe.GroundTruth:
-    columns = {
-        "position": ("x", 0),
-        "velocity_x": ("x", 1),
-        "velocity_y": ("y", 1),
-        "energy_given": ("energy_given", 0),
-    }
-    column = {
-        key: np.array([t[name][part] if name in t else 0.0 for t in truths]) for key, (name, part) in columns.items()
-    }
-    return probe.GroundTruth(np.array([t["time"][0] for t in truths]), **column)
+    def column(name: str, part: int) -> np.ndarray:
+        return np.array([t[name][part] if name in t else 0.0 for t in truths])
+
+    motion = {"position": column("x", 0), "velocity_x": column("x", 1), "velocity_y": column("y", 1)}
+    return probe.GroundTruth(np.array([t["time"][0] for t in truths]), energy_given=column("energy_given", 0), **motion)

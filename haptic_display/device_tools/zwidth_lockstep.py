@@ -63,29 +63,16 @@ class LockstepDisplay:
         rows, samples = np.zeros(ticks, records.TRACE_ROW).view(np.recarray), []
         for first in range(0, round(seconds * 1e9 / self.period), ticks):
             motion.points[0, 0, :2] = aim(first * self.period * 1e-9)
-            simulated_device.run_lockstep(
-                settings,
-                memory,
-                rows,
-                tool,
-                body,
-                state,
-                motion,
-                first * self.period,
-                first,
-                self.delay,
-                enable_state.ENABLE,
-            )
+            told = first * self.period, first, self.delay, enable_state.ENABLE
+            simulated_device.run_lockstep(settings, memory, rows, tool, body, state, motion, *told)
             samples.append(_sample(state))
             if rows.fault[-1]:
                 return probe.GroundTruth(*np.array(samples).T), True
         return probe.GroundTruth(*np.array(samples).T), False
 
     def _body(self, start):
-        body, state = (
-            loopback_config.plant_of(self.device).view(np.recarray),
-            np.zeros(1, plant.PLANT_MEMORY).view(np.recarray),
-        )
+        body = loopback_config.plant_of(self.device).view(np.recarray)
+        state = np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
         for name, value in HAND.items():
             body[f"hand_{name}"][0, :2] = value
         state.position[0, 0] = state.target[0, 0] = start

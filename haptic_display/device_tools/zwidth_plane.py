@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from haptic_device.config.description import load_device
+from haptic_device.config.description import Device
+from haptic_device.theory.assessment import Display
+from haptic_device.theory.felt import Felt, figures
 from haptic_device.theory.quantity import positive
 from haptic_device.theory.zwidth import Setup, check_setup, operators_of, theory
 from haptic_device.theory.zwidth_map import Request, boundaries, draw_map, empty, write_csv
@@ -16,18 +18,24 @@ from haptic_device.theory.zwidth_map import Request, boundaries, draw_map, empty
 Show = Callable[[int], object]
 
 
-def device_figures(name: str, period: float) -> dict[str, float]:
-    """Figures of a Setup from a device's x axis, with its delays in periods [s]."""
+def device_figures(device: Device, pose: Felt | None, period: float) -> dict[str, float]:
+    """Figures of a Setup from a device's x axis, or at this pose of a linkage, with its delays in periods [s]."""
     positive("period", period, "s")
-    device = load_device(name)
-    axis = device.axes[0]
-    return {
-        "mass": axis.mass,
-        "physical_damping": axis.damping,
-        "coulomb": axis.coulomb,
-        "resolution": 1.0 / axis.counts_per_unit,
-        "delay_samples": (device.sensing_delay + device.actuation_delay + device.stamp_error) / period,
-    }
+    late = device.sensing_delay + device.actuation_delay + device.stamp_error
+    return {**figures(device, pose), "delay_samples": late / period}
+
+
+def write_workspace(device: Device, pose: Felt, setup: Setup, out: Path) -> dict[str, Any]:
+    """Where the model of a linkage stands, its worst pose; of two joints workspace.png, the stiffness at all others."""
+    found: dict[str, Any] = {"pose": pose.values}
+    if len(pose.joints) == 2:
+        from haptic_device.theory.workspace_figure import save_workspace
+
+        loop = {"period": setup.period, "delay_samples": setup.delay_samples, "velocity_lag": setup.velocity_lag}
+        display = Display(0.0, 0.0, pose.damping, **loop)
+        found["workspace"] = str(out / "workspace.png")
+        save_workspace(device, pose, pose, display, out / "workspace.png")
+    return found
 
 
 def request_of(
@@ -61,14 +69,13 @@ def write_map(request: Request, lateness: float, out: Path, workers: int, schedu
         if plane.done.any():
             write_csv(out / "map.csv", request, plane)
     save_map(request, plane, lateness, out / "map.png")
+    assessment, kinds = plane.outcome.assessment, ("quiet", "gives", "shakes")
     lines = {name.replace(" ", "_"): line.tolist() for name, line in boundaries(request, plane, lateness).items()}
     return {
         **request.setup._asdict(),
         "operator": request.operator,
-        "cells": int(plane.outcome.assessment.size),
-        "shares": {
-            name: float(np.mean(plane.outcome.assessment == i)) for i, name in enumerate(("quiet", "gives", "shakes"))
-        },
+        "cells": int(assessment.size),
+        "shares": {name: float(np.mean(assessment == i)) for i, name in enumerate(kinds)},
         "energy_given_max": _finite(np.max(plane.outcome.energy_given)),
         "damping": request.damping.tolist(),
         "stiffness_max": {name: [_finite(value) for value in line] for name, line in lines.items()},

@@ -73,9 +73,8 @@ def passive_ranges(device: Device, values: dict[str, Any], lateness: float) -> d
     for field in WALL_GAINS:
         array, count = settings["wall"][field], int(settings["wall"]["count"][0])
         declared = LIVE[f"wall.{field}"]
-        found[declared.name] = [
-            _range(settings, lateness, (array, (0, i)), declared) for i in range(min(count, MOST_WALLS))
-        ]
+        places = [(array, (0, i)) for i in range(min(count, MOST_WALLS))]
+        found[declared.name] = [_range(settings, lateness, place, declared) for place in places]
     found[NEW_WALL] = _one_more(settings, lateness)
     return found
 

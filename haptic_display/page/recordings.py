@@ -44,13 +44,8 @@ class Recordings:
         """For the page: state, seconds that it records, path of the present or last bag, all bags, the newest first."""
         bags = [{"name": bag.name, "seconds": bag.seconds, "size": bag.size} for bag in self._bags.values()]
         seconds = time.monotonic() - self._began if self.state == RECORDING else 0.0
-        return {
-            "state": self.state,
-            "seconds": seconds,
-            "bag": str(self._bag or ""),
-            "name": self._name(),
-            "bags": bags,
-        }
+        bag = str(self._bag or "")
+        return {"state": self.state, "seconds": seconds, "bag": bag, "name": self._name(), "bags": bags}
 
     async def during(self, on: bool, asked: Awaitable[str]) -> str:
         """What the recorder answers to being switched on or off; the state says it meanwhile."""

@@ -57,16 +57,9 @@ def operating_point(namespace: str, values: Values) -> str:
 
 def _shown(parameter: Parameter) -> dict[str, Any]:
     kind = {bool: "switch", str: "text", tuple: "list", int: "whole", float: "number"}[type(parameter.default)]
-    return {
-        "name": parameter.name,
-        "kind": kind,
-        "unit": parameter.unit,
-        "meaning": parameter.meaning,
-        "low": _finite(parameter.low),
-        "high": _finite(parameter.high),
-        "felt": parameter.felt and (parameter.low, parameter.felt),
-        "choices": parameter.choices,
-    }
+    told = {name: getattr(parameter, name) for name in ("name", "unit", "meaning", "choices")}
+    limits = {"low": _finite(parameter.low), "high": _finite(parameter.high)}
+    return {**told, **limits, "kind": kind, "felt": parameter.felt and (parameter.low, parameter.felt)}
 
 
 def _finite(limit: float) -> float | None:

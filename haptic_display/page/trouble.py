@@ -80,9 +80,8 @@ class TroubleFinder:
         said = _of(ended, "has ended", "have ended"), _of(silent, "does not answer", "do not answer")
         title, why = ". ".join(filter(None, said)), "; ".join(found.values())
         button = f"Start {named(found)} again" if self._nodes else ""
-        first = (
-            "" if button else f"Start again, with the file it was started with: {', '.join(map(self._command, found))}"
-        )
+        commands = ", ".join(map(self._command, found))
+        first = "" if button else f"Start again, with the file it was started with: {commands}"
         told = f"{title}: {why}. " + (f'Press "{button}" on the page.' if button else f"{first}.")
         return Trouble(title, f"{why}.", first, button, tuple(found), told=told)
 

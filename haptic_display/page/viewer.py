@@ -28,6 +28,7 @@ from haptic_display.client import Client
 from haptic_display.page import settings
 from haptic_display.page.commands import CommandHandler
 from haptic_display.page.guard import is_loopback
+from haptic_display.page.linkage import linkage_facts
 from haptic_display.page.markers import MarkerPublisher
 from haptic_display.page.messages import Aim, LetGo, Message, Record, Trigger
 from haptic_display.page.page_words import in_page_words
@@ -177,17 +178,9 @@ class Viewer:
 
     def _welcome(self, session: Session) -> None:
         """All that a page has to know to begin with: it may have been here before, or come late."""
-        session.tell(
-            "hello",
-            {
-                "control": session.control,
-                "declarations": settings.declarations(),
-                "scenes": names("scenes"),
-                "tasks": tasks(),
-                "methods": [AUTO, *offered()],
-                "looking": self.server.address(False),
-            },
-        )
+        choices = {"scenes": names("scenes"), "tasks": tasks(), "methods": [AUTO, *offered()]}
+        page = {"control": session.control, "looking": self.server.address(False)}
+        session.tell("hello", {**page, "declarations": settings.declarations(), **choices})
         session.tell("leader", self._leads(session))
         session.tell("scene", self._scene())
         session.tell("values", self._tuning())
@@ -206,15 +199,10 @@ class Viewer:
 
     def _tuning(self) -> dict[str, Any]:
         device = self.commands.device
-        return {
-            "values": self.commands.values,
-            "offer": self._nodes.offer() if self._nodes else {},
-            "began": self.commands.began,
-            "passive": self._ranges.found,
-            "workspace": self.commands.workspace,
-            "device": device.name if device else None,
-            "damping": [axis.damping for axis in device.axes] if device else [],
-        }
+        name, axes = (device.name, device.axes) if device else (None, ())
+        told = {"values": self.commands.values, "began": self.commands.began, "workspace": self.commands.workspace}
+        of_device = {"device": name, "damping": [axis.damping for axis in axes], "linkage": linkage_facts(device)}
+        return {**told, "offer": self._nodes.offer() if self._nodes else {}, "passive": self._ranges.found, **of_device}
 
     def _status(self) -> dict[str, Any]:
         found = {
@@ -222,25 +210,16 @@ class Viewer:
             for name, status in self.state.statuses.items()
         }
         trouble, problem = self.commands.troubles.trouble, self.state.problem or self.commands.problem
-        return {
-            "nodes": found,
-            "problem": problem,
-            "trouble": trouble and trouble._asdict(),
-            "unfelt": self._unfelt,
-            "guide": self.commands.guide.said,
-            "viewer": self._own_figures(),
-        }
+        wrong = {"problem": problem, "trouble": trouble and trouble._asdict(), "unfelt": self._unfelt}
+        return {"nodes": found, **wrong, "guide": self.commands.guide.said, "viewer": self._own_figures()}
 
     def _own_figures(self) -> dict[str, float]:
         """Share of a core that this process takes, pages, frames sent per second to all of them."""
         now, cpu, sent = time.monotonic(), time.process_time(), sum(session.sent for session in self.server.sessions)
         elapsed = max(1e-3, now - self._cpu_at)
         if elapsed > 1.0 or not self._figures:
-            self._figures = {
-                "cpu": (cpu - self._cpu) / elapsed,
-                "pages": len(self.server.sessions),
-                "sent": max(0.0, (sent - self._sent) / elapsed),
-            }
+            pages, rate = len(self.server.sessions), max(0.0, (sent - self._sent) / elapsed)
+            self._figures = {"cpu": (cpu - self._cpu) / elapsed, "pages": pages, "sent": rate}
             self._cpu, self._cpu_at, self._sent = cpu, now, sent
         return self._figures
 

@@ -54,17 +54,22 @@ def problems(path: Path, measure: Measure = _unknown) -> list[str]:
             document = yaml_reader.load(path, ros=True)
             together = dict.fromkeys(_together(document, path, measure))
             return [*files.operating_point_problems(document, NODES), *together]
-        if "axes" in document:
+        if is_device(document):
             return _refused(load_device, path)
         if "bodies" in document or "tool" in document:
             wrong = [*_refused(load_scene, path), *_motion(document.get("motion"))]
             return wrong or [*_unfit(scene := load_scene(path)), *_unled(scene)]
         raise ValueError(
-            f"neither an operating point ({SECTION}), a device description (axes) nor a scene (bodies, tool): "
-            f"it has {', '.join(document) or 'no keys'}"
+            f"neither an operating point ({SECTION}), a device description (axes, or kinematics) nor a scene (bodies, "
+            f"tool): it has {', '.join(document) or 'no keys'}"
         )
     except ValueError as error:
         return _sentences(error, path)
+
+
+def is_device(document: dict[str, Any]) -> bool:
+    """Whether these are the keys of a device description."""
+    return "axes" in document or "kinematics" in document
 
 
 def _sentences(error: ValueError, at: Any) -> list[str]:
@@ -108,7 +113,7 @@ def remark(path: Path, measure: Measure = _unknown) -> str:
     """
     document = yaml_reader.load(path)
     if not _has_section(document):
-        return "" if "axes" in document else unkept_wish(path)
+        return "" if is_device(document) else unkept_wish(path)
     given = files.read_operating_point(path, NODES)
     values = defaults(NODES["haptic_simulation"]) | given["haptic_simulation"]
     said = unkept_wish(values["scene"], values["method"]), _left_out(given), _too_late(given, measure)
@@ -202,7 +207,8 @@ def _differences(one, other) -> str:
     if len(one.axes) != len(other.axes):
         return ", ".join(["axes", *keys])
     for i, (a, b) in enumerate(zip(one.axes, other.axes, strict=True)):
-        keys += [f"axes[{i}].{key}" for key in _unlike(a, b)]
+        if i >= len(one.joints):  # else they follow from joints and handle
+            keys += [f"axes[{i}].{key}" for key in _unlike(a, b)]
     return ", ".join(keys or ["name"])
 
 

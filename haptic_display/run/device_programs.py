@@ -24,6 +24,9 @@ def device_programs(name: str, hand: dict, folder: Path, files: tuple[Path, ...]
     """
     device = load_device(name)
     node = served_by(device.link.type)
+    if device.handle and not files:  # whose 0 need not be where its handle can be
+        middle = [device.scale[0] * sum(along) / 2.0 for along in device.handle.used]
+        hand = {"motion.start": [*middle, *[0.0] * (3 - len(middle))], **hand}
     if node == LOOPBACK:
         return [Program(LOOPBACK, MODULES[LOOPBACK], {"device": name, **hand}, files)]
     if not node:

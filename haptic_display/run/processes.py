@@ -86,14 +86,10 @@ class Nodes:
         """Starts one node; it gets a session of its own, so that a terminal's Ctrl-C comes from us, in order."""
         self._ends.pop(program.name, None)
         with open(self._log(program.name), "ab") as log, held():
-            self._running[program.name] = subprocess.Popen(
-                ending_with_us(program.command()),
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                env={**own_environment(), "ROS_LOG_DIR": str(self._logs.absolute()), "PYTHONUNBUFFERED": "1"},
-                start_new_session=True,
-            )
+            command, none, both = ending_with_us(program.command()), subprocess.DEVNULL, subprocess.STDOUT
+            there = {**own_environment(), "ROS_LOG_DIR": str(self._logs.absolute()), "PYTHONUNBUFFERED": "1"}
+            node = subprocess.Popen(command, stdin=none, stdout=log, stderr=both, env=there, start_new_session=True)
+            self._running[program.name] = node
 
     def check(self) -> dict[str, str]:
         """The last line that each node printed. NodeDiedError if one has ended, which says how."""

@@ -6,7 +6,6 @@ import os
 import shlex
 import shutil
 import subprocess
-import sys
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -15,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from haptic_device.config.description import Device
+from haptic_device.config.files import places
 from haptic_device.device import operator_hand
 from haptic_device.os_errors import in_words
 
 SOURCES = ("*.c", "boards/host/*.c", "reference/*.c")
-INSTALLED = Path("share/haptic_display/firmware")
 LONGEST_WATCHDOG = 4.0  # [s]: ns in 32 bits
 COMPILERS = ("cc", "gcc", "clang")
 MOTIONS = {"circle": "circle", "follow": "follow"}  # scripts of other names are waypoints
@@ -52,20 +51,11 @@ def sources() -> Path:
 
     Raises ValueError if it is in none of them.
     """
-    places = list(_places())
-    for place in places:
-        if (place / "haptic_core.c").is_file():
-            return place
-    raise ValueError(f"the firmware's sources are not in {', '.join(map(str, places))}")
-
-
-def _places() -> Iterator[Path]:
-    tree = Path(__file__).resolve().parents[2]
-    if (tree / "package.xml").is_file():
-        yield tree / "firmware"
-    yield Path(sys.prefix) / INSTALLED
-    for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
-        yield Path(prefix) / INSTALLED
+    folders = list(places("firmware"))
+    for folder in folders:
+        if (folder / "haptic_core.c").is_file():
+            return folder
+    raise ValueError(f"the firmware's sources are not in {', '.join(map(str, folders))}")
 
 
 def _cache() -> Path:
@@ -106,17 +96,17 @@ def _compile(compiler: list[str], root: Path, program: Path) -> None:
 def config_of(device: Device, values: dict[str, Any]) -> str:
     """The reference device's config file for a described device, and a hand of these loopback parameter values.
 
-    motion.* is in the world; the file is in the device's own units. Raises ValueError where the script is wrong,
-    or the watchdog is longer than the protocol can say.
+    motion.* is in the world; the file is in the device's own units. Raises ValueError where the script is wrong, the
+    device is a linkage, or the watchdog is longer than the protocol can say.
     """
-    if (watchdog := values["motor_watchdog"]) > LONGEST_WATCHDOG:
-        raise ValueError(
-            f"motor_watchdog is {watchdog:g} s; the reference device stands {LONGEST_WATCHDOG:g} s at most"
-        )
+    if device.joints:
+        raise ValueError(f"device {device.name} is a {device.kinematics.type}; the reference device moves axes only")
+    if (given := values["motor_watchdog"]) > LONGEST_WATCHDOG:
+        raise ValueError(f"motor_watchdog is {given:g} s; the reference device stands {LONGEST_WATCHDOG:g} s at most")
     scale = np.array([device.scale[0], device.scale[0], device.scale[1]])
     there = np.arange(3) < len(device.axes)
     lines = [*_mechanism(device), *_hand(values, there, scale)]
-    return "\n".join([*lines, f"watchdog {watchdog!r}", ""])
+    return "\n".join([*lines, f"watchdog {given!r}", ""])
 
 
 def _mechanism(device: Device) -> Iterator[str]:

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from haptic_device.control import contact_model
-from haptic_device.message_fields import EACH, MOST
+from haptic_device.message_fields import AXES, EACH, MOST
 from haptic_sim.method import proximity
 from haptic_sim.protocol import World
 from haptic_sim.reduction import ReducedScene
@@ -53,18 +53,9 @@ class LocalContacts:
         """What a set says once: the tool, and where it is expected to be when the set is used."""
         mass, inertia, _ = self._scene.tool.mass_properties
         pose, (gx, gy) = self._expected, self._scene.gravity
-        return {
-            "offered": self.offered,
-            "trust": self.trust,
-            "mass": mass,
-            "inertia": inertia,
-            "extent": self._extent,
-            "gravity_x": gx,
-            "gravity_y": gy,
-            "tool_pose_x": pose[0],
-            "tool_pose_y": pose[1],
-            "tool_pose_theta": pose[2],
-        }
+        tool = {"mass": mass, "inertia": inertia, "extent": self._extent, "gravity_x": gx, "gravity_y": gy}
+        place = {f"tool_pose_{axis}": value for axis, value in zip(AXES, pose, strict=True)}
+        return {"offered": self.offered, "trust": self.trust, **tool, **place}
 
     def look(self, lag: float) -> None:
         """Finds the contacts as the bodies are now; lag [s]: how old the set will be when it is used."""

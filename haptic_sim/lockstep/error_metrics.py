@@ -115,9 +115,8 @@ def error_of(seen: dict[str, np.ndarray], reference: Reference, bodies: dict[str
 
 def longest_way(reference: Reference, bodies: dict[str, float]) -> float:
     """Longest way [m] that any body comes."""
-    return max(
-        float(apart(reference.poses[name], reference.poses[name][:1], radius).max()) for name, radius in bodies.items()
-    )
+    poses = reference.poses
+    return max(float(apart(poses[name], poses[name][:1], radius).max()) for name, radius in bodies.items())
 
 
 def apart(poses: np.ndarray, others: np.ndarray, radius: float) -> np.ndarray:

@@ -134,19 +134,9 @@ class Lockstep:
 
     def script_ticks(self, rows: np.ndarray, start: int) -> None:
         """Ticks from this time [ns] on, against the plant with the hand's script on it."""
-        simulated_device.run_lockstep(
-            self.settings,
-            self.memory,
-            rows,
-            self.tool,
-            self.plant,
-            self.plant_memory,
-            self.motion,
-            start,
-            self.ticks,
-            self.write_delay,
-            self.command,
-        )
+        device = self.plant, self.plant_memory, self.motion
+        timing = start, self.ticks, self.write_delay
+        simulated_device.run_lockstep(self.settings, self.memory, rows, self.tool, *device, *timing, self.command)
 
     def _ticks_to_event(self) -> int:
         """Ticks until a handle sample is due, or until the next tick finds a sample that has arrived; at least one."""

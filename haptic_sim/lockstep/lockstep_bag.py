@@ -168,9 +168,8 @@ class LockstepBag:
     def _handle(self) -> bytes:
         driver = self._point.driver
         gains = ("stiffness", "damping", "rotational_stiffness", "rotational_damping")
-        known = {name: driver[f"coupling.{name}"] for name in gains} | {
-            "layout_version": exchange_samples.LAYOUT_VERSION
-        }
+        known = {name: driver[f"coupling.{name}"] for name in gains}
+        known["layout_version"] = exchange_samples.LAYOUT_VERSION
         known["exchange_method"] = exchange_samples.METHODS[driver["exchange.method"]]
         names = self._axes + TAIL
         zeros = np.zeros(len(names))

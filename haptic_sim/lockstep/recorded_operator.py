@@ -7,6 +7,7 @@ it did. As device the handle is where it was, whatever the display does: the sam
 
 import numpy as np
 
+from haptic_device.config.drives import drives_at
 from haptic_device.device import operator_hand
 from haptic_device.realtime import tick_replay
 from haptic_sim.lockstep.lockstep import Lockstep
@@ -57,20 +58,12 @@ class PlayedDevice:
     def run(self, system: Lockstep, rows: np.ndarray, start: int) -> None:
         """Ticks of the system from this time [ns] on."""
         deadlines = start + np.arange(len(rows)) * system.period
-        settings = system.settings[0]
+        device = system.settings[0]["hardware"]
         world = np.stack([np.interp(deadlines, self._times, column) for column in self._points.T], axis=1)
-        per_count = np.where(
-            settings["hardware"]["position_per_count"] != 0.0, settings["hardware"]["position_per_count"], 1.0
-        )
-        counts = np.round((world / settings["hardware"]["scale"] + settings["hardware"]["zero"]) / per_count)
-        tick_replay.run_on_counts(
-            system.settings,
-            system.memory,
-            rows,
-            system.tool,
-            counts,
-            start,
-            system.ticks,
-            system.write_delay,
-            system.command,
-        )
+        per_count = np.where(device["position_per_count"] != 0.0, device["position_per_count"], 1.0)
+        seen = world / device["scale"]
+        if system.device.joints:
+            seen = np.array([drives_at(system.device, place) for place in seen.tolist()])
+        counts = np.round((seen + device["zero"]) / per_count)
+        timing = start, system.ticks, system.write_delay
+        tick_replay.run_on_counts(system.settings, system.memory, rows, system.tool, counts, *timing, system.command)

@@ -12,7 +12,7 @@ from haptic_device.message_fields import COMMON, EACH, MOST
 from haptic_device.realtime import tick_replay
 
 BLOCK = 100_000  # ticks computed at a time
-ADDED = frozenset({"withheld", "stamp_error"})  # columns that traces of older versions lack, where they were 0
+ADDED = frozenset({"withheld", "stamp_error", "joint", "torque"})  # columns that older traces lack, where they were 0
 COLUMNS = records.TRACE_ROW.names or ()
 SECOND = 1_000_000_000
 Stretch = tuple[int, int, np.ndarray, np.ndarray]

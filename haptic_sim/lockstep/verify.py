@@ -74,26 +74,16 @@ def _measured(case: Case, known: Reference, method: str) -> Measured:
     reduced = reduce_scene(case.scene, method)
     step = reduced.sub_step
     doubt = known.doubt / longest_way(known, case.bodies())
+    run = case.scene.name, method, 1e6 * step
     try:
         world = make(method, reduced, step)
     except ValueError as reason:
-        return Measured(
-            case.scene.name, method, 1e6 * step, math.nan, doubt, math.nan, math.nan, math.nan, f"cannot: {reason}"
-        )
+        return Measured(*run, math.nan, doubt, math.nan, math.nan, math.nan, f"cannot: {reason}")
     world.couple(case.gains)
     found = judge(case, known, world, round(case.period * 1e-9 / step))
     created = math.nan if case.scene.driven else found.created / max(found.scale, LEAST)
-    return Measured(
-        case.scene.name,
-        method,
-        1e6 * step,
-        found.error,
-        doubt,
-        created,
-        found.penetration,
-        exchange_time(case, reduced),
-        STABLE if found.error < LOST else UNSTABLE,
-    )
+    status = STABLE if found.error < LOST else UNSTABLE
+    return Measured(*run, found.error, doubt, created, found.penetration, exchange_time(case, reduced), status)
 
 
 def exchange_time(case: Case, reduced: ReducedScene) -> float:

@@ -164,16 +164,12 @@ def _move(one, pose, velocity, other, lead):
     px, py = one[contact_model.POINT_X], one[contact_model.POINT_Y]
     bx, by = px - pose[other, 0], py - pose[other, 1]
     turn = velocity[other, 2]
-    one[contact_model.VELOCITY_X], one[contact_model.VELOCITY_Y] = (
-        velocity[other, 0] - turn * by,
-        velocity[other, 1] + turn * bx,
-    )
+    one[contact_model.VELOCITY_X] = velocity[other, 0] - turn * by
+    one[contact_model.VELOCITY_Y] = velocity[other, 1] + turn * bx
     one[contact_model.TURN_RATE], one[BODY] = turn, other
     c, s = math.cos(pose[0, 2]), math.sin(pose[0, 2])
-    ax, ay = (
-        c * one[contact_model.TOOL_X] - s * one[contact_model.TOOL_Y],
-        s * one[contact_model.TOOL_X] + c * one[contact_model.TOOL_Y],
-    )
+    ax = c * one[contact_model.TOOL_X] - s * one[contact_model.TOOL_Y]
+    ay = s * one[contact_model.TOOL_X] + c * one[contact_model.TOOL_Y]
     nx, ny = one[contact_model.NORMAL_X], one[contact_model.NORMAL_Y]
     if one[contact_model.KIND] == contact_model.FLAT_HERE:
         nx, ny = c * nx - s * ny, s * nx + c * ny

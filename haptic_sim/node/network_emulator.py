@@ -32,10 +32,8 @@ class Way:
     """One direction: what comes on one topic leaves on another when its time has come."""
 
     def __init__(self, node, source, target, kind, values, seed):
-        self._node, self.subscription = (
-            node,
-            PolledSubscription(node, source, f"sensor_msgs/msg/{kind.__name__}", STREAM, raw=True),
-        )
+        self._node, message = node, f"sensor_msgs/msg/{kind.__name__}"
+        self.subscription = PolledSubscription(node, source, message, STREAM, raw=True)
         self._publisher = node.create_publisher(kind, target, LATEST)
         self._values, self._random, self._number, self._flying = values, random.Random(seed), itertools.count(), []
 

@@ -122,14 +122,6 @@ def _joint(
     if motor[0] == 0.0:
         motor, friction = (0.0, 0.0), friction + motor[1]
     axis = framed(joint.unit_axis, (0.0, 0.0, frames[0][2])) if isinstance(joint, Slider) else (0.0, 0.0)
-    return (
-        _KINDS[joint.type],
-        bodies,
-        (framed(on_a, frames[0]), framed(on_b, frames[1])),
-        axis,
-        frames[1][2] - frames[0][2],
-        joint.range,
-        friction,
-        motor,
-        joint.spring(math.dist(on_a, on_b)),
-    )
+    anchors, angle = (framed(on_a, frames[0]), framed(on_b, frames[1])), frames[1][2] - frames[0][2]
+    spring = joint.spring(math.dist(on_a, on_b))
+    return _KINDS[joint.type], bodies, anchors, axis, angle, joint.range, friction, motor, spring

@@ -149,9 +149,7 @@ def _near(solids: Solids) -> list[tuple[int, int]]:
 
 def _around(solid: AnySolid) -> tuple[Point, Point]:
     """Lowest and highest x, y of a body at the start."""
-    corners = [
-        (*turned(vertex, solid.pose), outline.radius) for outline in solid.outlines for vertex in outline.vertices
-    ]
+    corners = [(*turned(at, solid.pose), outline.radius) for outline in solid.outlines for at in outline.vertices]
     (low_x, low_y), (high_x, high_y) = (
         [extreme(corner[k] + sign * corner[2] for corner in corners) for k in (0, 1)]
         for extreme, sign in ((min, -1.0), (max, 1.0))

@@ -172,9 +172,7 @@ def _goal(scene: Scene, measure: Measure) -> np.ndarray:
     """The measured point from 0 to 1 if it goes along the axis alone [m]; of an angle an arc round the body."""
     solid = scene.solids[measure.body]
     if measure.axis is None:
-        radius = 1.1 * max(
-            math.hypot(*vertex) + outline.radius for outline in solid.outlines for vertex in outline.vertices
-        )
+        radius = 1.1 * max(math.hypot(*place) + line.radius for line in solid.outlines for place in line.vertices)
         turn = np.linspace(measure.start, measure.end, ARC)
         return np.array(solid.pose[:2]) + radius * np.array([np.cos(turn), np.sin(turn)]).T
     at, axis = np.array(turned(measure.point, solid.pose)), np.array(measure.axis)

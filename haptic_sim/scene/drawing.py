@@ -81,10 +81,9 @@ def drawing_of(scene: Scene) -> Drawing:
     joints = tuple(_marks(joint, there | {WORLD: None}) for joint in scene.joints)
     task = scene.task.model_dump(exclude={"way", "seconds"}) if scene.task else None
     way, seconds = _shown_way(scene)
-    room, sprung = _room(scene, way), tuple(joint.spring(0.0)[0] > 0.0 for joint in scene.joints)
-    return Drawing(
-        scene.name, scene.description, solids, joints, room, tuple(scene.measure), task, way, seconds, sprung
-    )
+    told, room = (scene.name, scene.description), _room(scene, way)
+    sprung = tuple(joint.spring(0.0)[0] > 0.0 for joint in scene.joints)
+    return Drawing(*told, solids, joints, room, tuple(scene.measure), task, way, seconds, sprung)
 
 
 def standing(scene: Drawing, poses: Iterable[Pose | None]) -> Iterator[Shape]:

@@ -14,13 +14,14 @@ import numpy as np
 
 from haptic_device.config.description import load_device
 from haptic_device.config.parameter_types import defaults
-from haptic_device.control import controller_config, enable_state, gain_check, rows, servo
+from haptic_device.control import controller_config, enable_state, gain_check, linkage, rows, servo
 from haptic_device.control.records import STATE, TICK
 from haptic_device.jit import kernel, njit
 from haptic_sim.node.parameters import NODES
 
 TICKS, SUB, CHOICES = 40, 8, 6  # of a path; sub-steps of a tick; settings that a path changes between
 PERIOD, VARIED = 250_000, 3  # [ns]
+FASTEST = 2.0  # [m/s] of a linkage's handle, about
 FINE, MISSED, STALE, ESTOP = range(4)
 PATH = np.dtype(
     [("velocity", "f8", (TICKS * SUB, 3))]
@@ -37,41 +38,50 @@ def run(choices, path, state, ticks, friction, grid, least, damping, out, seen):
     the largest rise of E + S + Φ + free in a tick, where no step hides a part of it.
 
     choices: settings, (CHOICES); friction: in the world [N | N m]; grid: the true encoder step; least: of the lateness,
-    in sub-steps; damping: that the device really has, as a share.
+    in sub-steps; damping: that the device really has, as a share. Of a linkage a path is its joints', from `zero` on,
+    which stand still where the handle would leave its workspace; and tools are told from where it begins.
     """
     tick, q, counts = ticks[0], np.zeros(3), np.zeros(3)
     f, sent, arrive = np.zeros(3), np.zeros((TICKS + 1, 3)), np.full(TICKS + 1, 1 << 60)
     spring, damper, energy, writes, acting, last = np.zeros(3), np.zeros(3), 0.0, 0, -1, 0
     out[0], out[1], out[2], out[4], before, stop = -1e9, -1e9, -1e9, -1e9, 1e9, 0
     tick.sensors.write_delay = 0.0
-    dt = PERIOD * 1e-9 / SUB
-    latched = 0.0
+    period, joints = round(choices[0].period * 1e9), choices[0].port.joints
+    start, place, there = np.zeros(3), np.zeros(3), np.zeros(3)
+    dt, latched, unit = period * 1e-9 / SUB, 0.0, np.ones(3)
+    if joints > 0.0:
+        _handle(choices[0], q, start)
+        for i in range(int(choices[0].axes)):
+            unit[i] = FASTEST / choices[0].port.fastest[i]
     for k in range(TICKS):
         settings, event = choices[path.settings[k]], path.event[k]
         budget, scale = settings.exchange.budget, settings.hardware.scale
         if event != MISSED or k == 0:
             if event != STALE or k == 0:
                 unsure = settings.hardware.stamp_error * 1e9
-                latched = (k + 10) * PERIOD + path.stamp[k] * unsure
+                latched = (k + 10) * period + path.stamp[k] * unsure
                 tick.sensors.stamp_error = unsure
                 for i in range(3):
                     counts[i] = np.floor(q[i] / grid[i] + 0.5) * grid[i] if grid[i] > 0.0 else q[i]
             sensors, tool = tick.sensors, tick.tool
-            sensors.tick, sensors.deadline, sensors.latched = k, (k + 10) * PERIOD, latched
+            sensors.tick, sensors.deadline, sensors.latched = k, (k + 10) * period, latched
             stop = 3 if event == ESTOP and k > 0 else max(0, stop - 1)
             sensors.command = 0 if stop > 0 else enable_state.ENABLE
             tool.session, tool.sequence, tool.answered, tool.age = 1.0, k + 1.0, k + 1.0, 0.0
             for i in range(3):
                 sensors.counts[i] = counts[i] / (settings.hardware.position_per_count[i] * scale[i])
-                tool.position[i], tool.velocity[i] = path.place[k, i], path.rate[k, i]
+                tool.position[i], tool.velocity[i] = start[i] + unit[i] * path.place[k, i], unit[i] * path.rate[k, i]
             servo.tick(settings, state[0], tick)
             for i in range(3):
-                sent[writes, i] = tick.output.force_on_handle[i] / scale[i]
+                sent[writes, i] = tick.output.torque[i] if joints > 0.0 else tick.output.force_on_handle[i] / scale[i]
+                place[i] = q[i]
+            if joints > 0.0:
+                _handle(settings, q, place)
             acts = max(last, k * SUB + path.late[k])
             arrive[writes], last, writes = acts, acts, writes + 1
             sensors.write_delay = (acts - k * SUB - least) * dt
             book, count = state[0].account, rows.WALLS + int(state[0].change.walls)
-            store = rows.force(state[0].rows, count, q, f * 0.0, spring, damper)
+            store = rows.force(state[0].rows, count, place, f * 0.0, spring, damper)
             late = book.late if friction[0] == 0.0 and grid[0] == 0.0 else 0.0
             free = book.free + state[0].exchange.shipped - state[0].exchange.returned
             sum_now = energy + store + free + late - budget
@@ -86,14 +96,29 @@ def run(choices, path, state, ticks, friction, grid, least, damping, out, seen):
             now = k * SUB + u
             while acting + 1 < writes and arrive[acting + 1] <= now:
                 acting += 1
+            stands = False
+            if joints > 0.0:
+                for i in range(3):
+                    there[i] = q[i] + path.velocity[now, i] * dt
+                stands = not _handle(settings, there, there)
             for i in range(3):
-                v, force = path.velocity[now, i], sent[acting, i] if acting >= 0 else 0.0
+                v, force = 0.0 if stands else path.velocity[now, i], sent[acting, i] if acting >= 0 else 0.0
                 b = damping * settings.hardware.damping[i] / scale[i] ** 2
+                b = damping * settings.port.damping[i] if joints > 0.0 else b
                 energy += (force * v - b * v * v - friction[i] * abs(v)) * dt
                 q[i] += v * dt
             if 2 * k >= TICKS:
                 out[0] = max(out[0], energy - budget)
     out[3] = state[0].account.shortened / TICKS
+
+
+@njit
+def _handle(settings, q, place):
+    """Handle of a linkage whose joints have turned by q from `zero`; whether it is in its workspace."""
+    zero, low, high = settings.hardware.zero, settings.hardware.position_low, settings.hardware.position_high
+    x, y, _, _, _, _, c = linkage.pose(settings.linkage, q[0] - zero[0], q[1] - zero[1])
+    place[0], place[1], place[2] = x, y, 0.0
+    return c > 0.0 and low[0] <= x <= high[0] and low[1] <= y <= high[1]
 
 
 @njit

@@ -13,11 +13,7 @@ from haptic_display.page import messages, settings
 
 pytestmark = pytest.mark.timeout(600)
 DRIVER, NAME = settings.DRIVER, "coupling.stiffness"
-PASSIVE = {
-    "coupling.stiffness": [0.0, 2310.7],
-    "coupling.damping": [0.25, 1.9],
-    "new_wall": [0.0, 1200.0],
-}
+PASSIVE = {"coupling.stiffness": [0.0, 2310.7], "coupling.damping": [0.25, 1.9], "new_wall": [0.0, 1200.0]}
 
 
 class Stage:

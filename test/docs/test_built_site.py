@@ -56,12 +56,7 @@ def test_formulas_become_mathml_and_dollars_of_code_and_prices_stay():
 
 
 @pytest.mark.parametrize(
-    ("formula", "what"),
-    [
-        (r"\fraq{1}{2}", r"\\fraq"),
-        (r"\frac{1}", "mfrac"),
-        (r"\sqrt{x", "a brace"),
-    ],
+    ("formula", "what"), [(r"\fraq{1}{2}", r"\\fraq"), (r"\frac{1}", "mfrac"), (r"\sqrt{x", "a brace")]
 )
 def test_a_formula_that_is_not_understood_ends_the_build(formula, what):
     with pytest.raises(ValueError, match=what):

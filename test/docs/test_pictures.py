@@ -62,10 +62,7 @@ def difference(one, other, eye):
 
 @pytest.mark.parametrize(
     ("stiffness", "verdict", "mark", "colour"),
-    [
-        (900.0, "passive", palette.PASS_MARK, palette.PASS),
-        (1100.0, "not passive", palette.FAIL_MARK, palette.FAIL),
-    ],
+    [(900.0, "passive", palette.PASS_MARK, palette.PASS), (1100.0, "not passive", palette.FAIL_MARK, palette.FAIL)],
 )
 def test_the_verdict_on_a_display_is_told_by_mark_colour_and_word(monkeypatch, stiffness, verdict, mark, colour):
     saved, display = [], Display(stiffness, 0.0, 0.5, 1e-3, mass=0.1)

@@ -67,12 +67,9 @@ class Joint:
 
     def pass_time(self, now):
         self._now = self._now or now
-        left = now - self._now
-        while left > 0:
-            step = min(left, STEP)
-            self._step(step * 1e-9)
-            left -= step
-        self._now = max(self._now, now)
+        while (left := now - self._now) > 0:
+            self._step(min(left, STEP) * 1e-9)
+            self._now += min(left, STEP)
 
     def lead(self, goal):
         """A firm hand leads it there, in a second that is past at once: it stands still until then."""

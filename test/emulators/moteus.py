@@ -115,9 +115,7 @@ class Bus:
     def __init__(self, tell, drives):
         self._tell, self.drives, self._text = tell, drives, b""
 
-    @property
-    def due(self):
-        return min(drive.until for drive in self.drives.values())
+    due = property(lambda self: min(drive.until for drive in self.drives.values()))
 
     def serve(self, data, now):
         for drive in self.drives.values():

@@ -12,12 +12,7 @@ from haptic_display.run.processes import NAMESPACE
 GAINS = ("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping", "passivity.policy", "coupling.stiffness")
 FREE = ("coupling.stiffness", "coupling.damping", "coupling.rotational_stiffness", "coupling.rotational_damping")
 FREE += ("cancellation.ratio",)
-WALL = {
-    "wall__normals": (1.0, 0.0),
-    "wall__offsets": (-0.05,),
-    "wall__stiffness": (300.0,),
-    "wall__damping": (0.1,),
-}
+WALL = {"wall__normals": (1.0, 0.0), "wall__offsets": (-0.05,), "wall__stiffness": (300.0,), "wall__damping": (0.1,)}
 NODES = {name: DISPLAY[name] for name in ("haptic_loopback", "haptic_driver")}
 
 

@@ -124,11 +124,7 @@ def test_a_scheduler_that_is_killed_in_the_middle_is_a_sentence_and_what_was_don
 
 @pytest.mark.parametrize(
     ("edited", "old", "new"),
-    [
-        ("haptic_sim/lockstep/lockstep.py", "def ", "def  "),
-        ("config/scenes/wall.yaml", "\n", "\n\n"),
-        (None, "", ""),
-    ],
+    [("haptic_sim/lockstep/lockstep.py", "def ", "def  "), ("config/scenes/wall.yaml", "\n", "\n\n"), (None, "", "")],
 )
 def test_only_a_worker_with_the_same_sources_and_scenes_takes_part(kept, worker, tmp_path, edited, old, new):
     for folder in ("haptic_device", "haptic_sim", "config"):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What all links have alike that ask their device and wait for its answer: a Haply's and that to moteus drives."""
 
+import functools
 import math
 
 import codec_host
@@ -24,13 +25,8 @@ class Haply:
     opened, reply = test_haply.opened, test_haply.reply
     PIECES = st.binary(min_size=1, max_size=30) | st.sampled_from([reply(), reply((-7, 9))])
 
-    @staticmethod
-    def request(one, two, most=None):
-        return test_haply.request(one, two)
-
-    @staticmethod
-    def anew(one, two):
-        return test_haply.ZERO  # a board tells nothing of its motors
+    request = staticmethod(lambda one, two, most=None: test_haply.request(one, two))
+    anew = staticmethod(lambda one, two: test_haply.ZERO)  # a board tells nothing of its motors
 
 
 class Moteus:
@@ -38,9 +34,7 @@ class Moteus:
     OFF = test_moteus.no_torque(1) + test_moteus.no_torque(2)
     WIDEST = 2**31 - 1
 
-    @staticmethod
-    def opened(**given):
-        return test_moteus.opened(ids=(1, 2), **given)
+    opened = staticmethod(functools.partial(test_moteus.opened, ids=(1, 2)))
 
     @staticmethod
     def request(one, two, most=2.0):

@@ -6,17 +6,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from bag_of_a_run import (
-    JOINTS,
-    fill,
-    information,
-    joints,
-    mcap_summary,
-    numbered,
-    swing,
-    values_by_rosbags,
-    write_run,
-)
+from bag_of_a_run import JOINTS, fill, information, joints, mcap_summary, numbered, swing, values_by_rosbags, write_run
 from examples import few
 from hypothesis import given
 from hypothesis import strategies as st

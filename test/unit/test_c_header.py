@@ -66,16 +66,6 @@ def example(folder):
     return compiled(ending, folder, "-Wconversion", *firmware_builds.SANITIZED)
 
 
-@pytest.fixture
-def space():
-    """A namespace of the test's own, whose page is gone after it."""
-    space = f"/test_{uuid.uuid4().hex}"
-    yield space
-    left = page(space).exists()
-    page(space).unlink(missing_ok=True)
-    assert not left, "the page was left"
-
-
 def page(space):
     return shared_memory.FOLDER / file_name(DOMAIN, space)
 

@@ -55,13 +55,6 @@ def test_checking_needs_no_ros():
     assert done.stdout == "[]\n", done.stderr
 
 
-def test_a_broken_device_or_scene_is_refused_without_a_traceback(tmp_path):
-    for text in ("axes: 1\n", "bodies: 1\n", "tool: {}\n", "axes: {}\nbodies: {}\n"):
-        found = problems(broken(tmp_path, text))
-        assert found
-        assert not [sentence for sentence in found if str(tmp_path) in sentence]
-
-
 EVERYTHING = """
 /**/haptic_driver:
   ros__parameters:

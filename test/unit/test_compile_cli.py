@@ -84,8 +84,7 @@ def test_a_line_is_written_just_after_its_time_and_not_just_before(monkeypatch, 
 
 
 @pytest.mark.parametrize(
-    ("entries", "level", "hint"),
-    [((), None, "next: haptic demo --view\n"), ((), "1", ""), (("servo",), None, "")],
+    ("entries", "level", "hint"), [((), None, "next: haptic demo --view\n"), ((), "1", ""), (("servo",), None, "")]
 )
 def test_a_person_is_told_what_is_next_and_make_and_whoever_needs_some_kernels_are_not(
     monkeypatch, tmp_path, entries, level, hint

@@ -31,7 +31,7 @@ def live(node, live=True):
 def test_the_commands_are_offered_and_those_that_begin_so(completed):
     assert set(completed("haptic ")) == set(COMMANDS)
     assert completed("haptic rec") == ["record"]
-    assert set(completed("haptic device ")) == {"find", "show", "set-up", "test"}
+    assert set(completed("haptic device ")) == {"find", "show", "kinematics", "set-up", "test"}
 
 
 def test_names_and_options_are_offered(completed):
@@ -47,6 +47,7 @@ def test_names_and_options_are_offered(completed):
         ("check --verify wal", {"wall"}),
         ("zwidth --device desk", {"desktop"}),
         ("device test desk", {"desktop"}),
+        ("device kinematics hap", {"haply_2diy_gen2", "haply_2diy_gen3", "hapkit"}),
         ("compare bag demo mo", {name for name in names("") if name.startswith("mo")}),
         ("get ", set(NODES)),
         ("get haptic_driver servo.", {name for name in live("haptic_driver", False) if name.startswith("servo.")}),

@@ -35,7 +35,6 @@ from haptic_display.device_tools import probe as device_probe
 from haptic_display.device_tools import questions as device_questions
 from haptic_display.device_tools import search as device_search
 from haptic_display.device_tools import set_up as device_set_up
-from haptic_display.run import device_programs
 
 MS = 1_000_000
 
@@ -660,10 +659,7 @@ def test_a_device_answers_where_its_page_is_new_and_its_bridge_connected():
 # the command
 
 
-def test_who_serves_a_described_device_is_told_by_its_link(tmp_path, monkeypatch):
-    for device, node in (("desktop", "loopback"), ("haply_2diy", "bridge")):
-        [serving] = device_programs.device_programs(device, {}, tmp_path)
-        assert serving[:3] == (f"haptic_{node}", f"haptic_device.nodes.{node}", {"device": device})
+def test_a_device_of_a_program_of_ones_own_is_asked_for_in_its_domain(monkeypatch):
     monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
     refused = "device own_device is served by a program of your own: start it, and give its --domain"
     with pytest.raises(ValueError, match=refused), device_page.opened("own_device", None, None):

@@ -19,7 +19,7 @@ def no_compiler(monkeypatch):
 
 
 def test_each_device_has_the_node_that_serves_its_page():
-    served = {"desktop": LOOPBACK, "own_device": "", "reference_udp": BRIDGE, "haply_2diy": BRIDGE}
+    served = {"desktop": LOOPBACK, "own_device": "", "reference_udp": BRIDGE, "moteus_knob": BRIDGE}
     assert {name: needs_of("", name).serving for name in served} == served
 
 
@@ -31,10 +31,9 @@ def test_the_stand_in_gets_the_hand_and_the_files_and_for_somebody_elses_process
 
 
 def test_hardware_needs_its_bridge_alone_which_has_neither_hand_nor_a_longer_watchdog(tmp_path):
-    for name in ("haply_2diy", "moteus_knob"):
-        [one] = device_programs(name, HAND, tmp_path)
-        assert (one.name, one.module, one.parameters) == (BRIDGE, MODULES[BRIDGE], {"device": name})
-        assert not led_by_hand([one])
+    [one] = device_programs("moteus_knob", HAND, tmp_path)
+    assert (one.name, one.module, one.parameters) == (BRIDGE, MODULES[BRIDGE], {"device": "moteus_knob"})
+    assert not led_by_hand([one])
 
 
 @pytest.mark.parametrize("name", ["reference_udp", "reference_pty"])

@@ -47,35 +47,20 @@ class Led:
             self.lead(-STRETCH / 800.0)
         return self.lead(0.0).lead(0.0)
 
-    @property
-    def account(self):
-        return self.memory["account"][0]
+    account = property(lambda self: self.memory["account"][0])
 
-    @property
-    def free(self):
-        """What the account may still give [J]."""
-        return float(self.account["free"])
+    free = property(lambda self: float(self.account["free"]))  # what the account may still give [J]
 
-    @property
-    def force(self):
-        """Of the coupling's spring [N]."""
-        return float(self.account["spring"][0])
+    force = property(lambda self: float(self.account["spring"][0]))  # of the coupling's spring [N]
 
-    @property
-    def damping(self):
-        """Physical damping of the device [N s/m]."""
-        return float(self.settings["hardware"]["damping"][0, 0])
+    # physical damping of the device [N s/m]
+    damping = property(lambda self: float(self.settings["hardware"]["damping"][0, 0]))
 
-    @property
-    def given(self):
-        """What the motor has given at most [J], as the account counts it."""
-        return float(self.account["given"])
+    # what the motor has given at most [J], as the account counts it
+    given = property(lambda self: float(self.account["given"]))
 
-    @property
-    def books(self):
-        """What account and springs may still give, or was shipped, less the budget [J]."""
-        row = self.row.view(records.TICK)[0]
-        return adversary.booked(self.settings[0], self.memory[0], row)
+    # what account and springs may still give, or was shipped, less the budget [J]
+    books = property(lambda self: adversary.booked(self.settings[0], self.memory[0], self.row.view(records.TICK)[0]))
 
 
 def test_a_stall_costs_no_more_than_the_force_limit_over_the_way_either_side_of_it():

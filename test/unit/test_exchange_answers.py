@@ -101,10 +101,7 @@ def answering(monkeypatch):
         return end.answer([handle(float(milliseconds), position=position, stamp_ns=clock.ns)], clock.ns) is not None
 
     return SimpleNamespace(
-        answer=answer,
-        end=end,
-        load=lambda scene: end.load(world(scene), clock.ns),
-        reset=lambda: end.reset(clock.ns),
+        answer=answer, end=end, load=lambda scene: end.load(world(scene), clock.ns), reset=lambda: end.reset(clock.ns)
     )
 
 

@@ -50,9 +50,7 @@ class Driver:
             self.frame, len(data), self.state[0], self.watch, self.gains[0], self.tool, self.mail.words, now
         )
 
-    @property
-    def refused(self):
-        return self.watch[exchange_step.REFUSED :][: len(law.REFUSALS)].tolist()
+    refused = property(lambda self: self.watch[exchange_step.REFUSED :][: len(law.REFUSALS)].tolist())
 
     @property
     def heard(self):
@@ -89,9 +87,7 @@ class Simulation:
             return law.ACCEPTED
         return int(np.flatnonzero(np.array(self.refused) - before)[0])
 
-    @property
-    def refused(self):
-        return [0, *self.end.refused.values()]
+    refused = property(lambda self: [0, *self.end.refused.values()])
 
     @property
     def heard(self):

@@ -3,25 +3,13 @@
 
 import math
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_device.control import exchange_samples, rows, set_position
+from haptic_device.control import exchange_samples, set_position
 
 STRETCH = st.floats(-0.1, 0.1)
-
-
-@given(stiffness=st.floats(1.0, 1e5), limit=st.floats(0.1, 50.0), start=STRETCH, end=STRETCH)
-def test_the_store_of_the_clamped_spring_is_the_integral_of_its_force(stiffness, limit, start, end):
-    row = np.zeros(1, rows.ROW)[0]
-    row["stiffness"], row["low"], row["high"], row["weight"] = stiffness, -limit, limit, 1.0
-    steps = 4000
-    way = (end - start) / steps
-    work = sum(rows.pull(row, start + (k + 0.5) * way, 0.0)[0] * way for k in range(steps))
-    grown = rows.pull(row, end, 0.0)[2] - rows.pull(row, start, 0.0)[2]
-    assert grown == pytest.approx(work, rel=1e-3, abs=stiffness * way * way + 1e-12)
 
 
 @given(before=STRETCH, wanted=STRETCH, moved=st.floats(-1e-3, 1e-3), reach=st.floats(0.0, 1e-3))

@@ -5,7 +5,6 @@ import itertools
 
 import numpy as np
 import pytest
-import stalling
 from examples import few
 from exchange_systems import GAINS, credited, demo_system, one_axis
 from hypothesis import example, given
@@ -83,21 +82,6 @@ def test_what_an_encoder_step_hides_is_paid_for():
 )
 def test_nor_in_three_axes_with_a_scaled_device_a_wall_and_missed_ticks(seed, scale, limit, reach, wall, missed):
     assert credited("pspm", seed, scale, limit, reach, wall, missed) <= 1e-9
-
-
-@few(30)
-@given(
-    genes=st.lists(st.tuples(*[st.floats(-3.0, 3.0) for _ in range(adversary.GENES)]), min_size=4, max_size=60),
-    repeats=st.integers(1, 8),
-    late=st.sampled_from([adversary.FREE, 0, 3, 50]),
-    loss=st.floats(-3.0, 1.0),
-)
-def test_no_samples_and_no_path_give_more_than_the_budget(genes, repeats, late, loss):
-    path = np.repeat(np.array(genes), repeats, axis=0)
-    given = one_axis("pspm")
-    memory, row = adversary.engaged()
-    scale, watched, against = adversary.scale_of(given), np.zeros(4), adversary.Adversary(late, loss)
-    assert adversary.energy_given(given, memory, row, path, scale, against, watched) <= BOUND
 
 
 @few(20)
@@ -318,15 +302,6 @@ def test_what_a_long_hold_leaves_owing_the_spring_pays_as_fast_as_the_slew_allow
     assert row["force_on_handle"][0, 0] * force > 0.0 and abs(row["force_on_handle"][0, 0]) <= abs(force) * (1.0 + 1e-9)
     assert now == pytest.approx(max(0.0, stored - debt), rel=0.05)
     assert memory["account"]["free"][0] == pytest.approx(min(0.0, stored - debt) if debt > 0.0 else free, abs=1e-4)
-
-
-@pytest.mark.parametrize("method, share, longest", [("local", 0.05, 40), ("pspm", 0.05, 16)])
-def test_missed_ticks_by_the_hundred_give_no_more_than_the_budget(method, share, longest):
-    """A tool at a wall, of 0.95 of what b covers at the period: a hold of two periods is beyond."""
-    given, rows = stalling.pressed(method, 0.95, share, longest)
-    assert np.count_nonzero(np.diff(rows.latched) == 0.0) > 1000  # ticks
-    assert np.abs(rows.force_coupling[:, 0]).max() > 1.5
-    assert given <= 0.005
 
 
 def books(given, memory, row):

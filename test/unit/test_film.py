@@ -16,12 +16,15 @@ from in_process import haptic
 from PIL import Image
 from stored_bags import records_of, write
 
+from haptic_device.config.description import load_device
+from haptic_device.config.files import find
 from haptic_display.page.film import page as pages
 from haptic_display.page.film import reading
 from haptic_display.page.film.clock import MOST, Clock
 from haptic_display.page.film.gif import PERIOD, SECONDS, pictures_of
 from haptic_display.page.film.page import page_of
 from haptic_display.page.film.reading import film_of
+from haptic_display.page.linkage import linkage_facts
 from haptic_display.run.report.reading import read_run
 from haptic_sim.scene.drawing import drawing_of
 from haptic_sim.scene.language import load
@@ -157,6 +160,18 @@ def test_walls_of_the_servo_are_those_that_the_driver_had(tmp_path):
         write(file, messages, [*attachments, one])
         film = film_of(read_run(bag))
         assert film.walls == wanted and page_of([film])
+
+
+def test_the_links_of_a_film_are_those_of_the_device_that_was_recorded(tmp_path):
+    bag = film_bag(tmp_path / "run", rows_of(1000))
+    [file] = bag.glob("*.mcap")
+    messages, attachments = records_of(file)
+    described, facts = find("devices", "serial_2r").read_bytes(), linkage_facts(load_device("serial_2r"))
+    for data, wanted in ((described, facts), (b"name: serial_2r\nkinematics: 2", None), (b"", None)):
+        one = SimpleNamespace(create_time=1, log_time=1, name="device/serial_2r.yaml", media_type="", data=data)
+        write(file, messages, [*attachments, one])
+        film = film_of(read_run(bag))
+        assert film.linkage == wanted and told(page_of([film]))[0]["linkage"] == wanted
 
 
 def test_the_page_is_one_file_that_fetches_nothing(film):

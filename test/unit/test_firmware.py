@@ -99,9 +99,7 @@ class Core:
         self.port.port_motors(values)
         return tuple(values)
 
-    @property
-    def refused(self):
-        return self.port.port_refused()
+    refused = property(lambda self: self.port.port_refused())
 
 
 @pytest.fixture(params=[True, False], ids=["datagrams", "stream"])

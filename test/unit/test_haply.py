@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from haptic_device.config.description import load_device
 from haptic_device.link import codec, haply
 
 ZERO = bytes.fromhex("02050000000000000000")
@@ -26,7 +27,7 @@ COUNTS = 2277, 163  # of the rest pose of generation 3
 
 def made(generation=3, motor_limit=1000.0, motor_constant=1.0):
     options = haply.Options(port="/dev/none", generation=generation)
-    return haply.codec(options, codec_host.device(2, motor_limit, motor_constant))
+    return haply.codec(options, codec_host.five_bars(motor_limit, motor_constant))
 
 
 def request(first, second):
@@ -175,20 +176,26 @@ def test_delay_is_from_the_servos_write_to_the_answer_on_average_to_half_the_rou
     assert host.state[codec.DELAY] == 300_000
 
 
-def test_a_device_without_two_axes_and_options_that_are_none_are_refused():
-    for axes in (1, 3):
-        with pytest.raises(ValueError, match="^axes are x.*; a Haply 2DIY has x and y$"):
-            haply.codec(haply.Options(port="/dev/none"), codec_host.device(axes))
+def test_a_device_that_is_not_five_bars_and_options_that_are_none_are_refused():
+    for device, told in (
+        (codec_host.device(2), "kinematics is cartesian, axes are x, y"),
+        (load_device("serial_2r"), "kinematics is serial_2r, axes are x, y"),
+        (codec_host.five_bars(theta=True), "kinematics is five_bar, axes are x, y, theta"),
+    ):
+        with pytest.raises(ValueError, match=f"^{told}; a Haply 2DIY is a five_bar with x and y$"):
+            haply.codec(haply.Options(port="/dev/none"), device)
     for options in ({}, {"port": ""}, {"port": "a", "generation": 1}, {"port": "a", "speed": 3}):
         with pytest.raises(ValidationError):
             haply.Options(**options)
 
 
-def test_the_described_device_lies_at_rest_within_its_workspace_and_its_motors_stand_what_it_says():
-    options, device = codec_host.described("haply_2diy", haply)
+@pytest.mark.parametrize("generation, rest", [(2, (241.0, -61.0)), (3, (168.0, 12.0))])
+def test_the_described_device_lies_at_rest_within_its_joints_limits_and_its_motors_stand_what_it_says(generation, rest):
+    options, device = codec_host.described(f"haply_2diy_gen{generation}", haply, generation=generation)
     assert haply.codec(options, device).asks
-    for axis, count, angle in zip(device.axes, COUNTS, (53.0, -53.0), strict=True):
-        place = axis.zero + count / axis.counts_per_unit
-        assert place == pytest.approx(0.07 * math.radians(angle), abs=1e-4)
-        assert axis.workspace[0] < place < axis.workspace[1]
-        assert axis.motor_limit / axis.motor_constant == pytest.approx(0.123, rel=1e-4)
+    for joint, angle in zip(device.joints, rest, strict=True):
+        count = round(angle * RESOLUTIONS[generation] / 360.0)
+        at = joint.zero + joint.encoder_sign * count * joint.step
+        assert at == pytest.approx(math.radians(angle), abs=1e-3) and joint.limits[0] < at < joint.limits[1]
+        assert joint.limit == haply.TORQUE_LIMIT
+    assert device.kinematics.pose(*map(math.radians, rest))[6] > 0.1  # far from singular

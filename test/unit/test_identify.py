@@ -6,7 +6,7 @@ import functools
 import numpy as np
 import pytest
 
-from haptic_device.config.description import Axis, Device, load_device
+from haptic_device.config.description import Axis, Device, load_device, parse
 from haptic_device.config.parameter_types import defaults
 from haptic_device.config.parameters import OPERATING_POINT, OPERATOR
 from haptic_device.control import controller_config, enable_state, records
@@ -16,7 +16,7 @@ from haptic_device.recording.status import Status
 from haptic_device.theory.excitation import tool_twists, wall_jumps
 from haptic_device.theory.identify import NAMES, Trace, identify, resolution_of, trace_of
 from haptic_display.device_tools.excitation import unbroken
-from haptic_display.device_tools.identification import estimate, write_description
+from haptic_display.device_tools.identification import _force, content_of, estimate, estimate_joint, write_description
 from haptic_display.device_tools.tuning import refuse_other_device
 
 
@@ -70,6 +70,14 @@ class Servo:
         self.blocks.append(np.asarray(rows))
         self.first += len(rows)
 
+    def shake(self, plan):
+        """Rows of 3 s and more of these shakes."""
+        while self.first < 3.0 * self.rate:
+            shake = next(plan)
+            walls = {f"wall.{name}": getattr(shake, name) for name in ("normals", "offsets", "stiffness", "damping")}
+            self.run(shake.seconds, walls)
+        return np.concatenate(self.blocks)
+
 
 @functools.cache
 def shaken(mass=0.1, damping=3.0, coulomb=0.02, step=5e-6, rate=2000.0, sensing=0.0, acting=0.0, sign=1, force=3.0):
@@ -77,12 +85,7 @@ def shaken(mass=0.1, damping=3.0, coulomb=0.02, step=5e-6, rate=2000.0, sensing=
     axes = (axis(mass, damping, coulomb, step, sign),)
     true = Device(name="true", axes=axes, sensing_delay=sensing, actuation_delay=acting)
     servo = Servo(true, Device(name="told", axes=(axis(0.05, 1.0, 0.0, step, sign),)), rate)
-    plan = wall_jumps((0.0,), force, 1.0, 1.0 / rate)
-    while servo.first < 3.0 * rate:
-        shake = next(plan)
-        walls = {f"wall.{name}": getattr(shake, name) for name in ("normals", "offsets", "stiffness", "damping")}
-        servo.run(shake.seconds, walls)
-    return np.concatenate(servo.blocks)
+    return servo.shake(wall_jumps((0.0,), force, 1.0, 1.0 / rate))
 
 
 def found(step=5e-6, sign=1, **device):
@@ -255,3 +258,46 @@ def test_the_description_that_is_written_can_be_loaded_and_keeps_what_was_not_fo
     text = (tmp_path / "found.yaml").read_text()
     assert "mass 0.2 ± 0.001 kg" in text
     assert "mass 0.0003 ± 1e-06 kg m²" in text
+
+
+def shaken_linkage(name, rate=2000.0):
+    """Rows of a servo that shakes a linkage in the middle of its workspace, and (device, told): it believes joints of
+    half the inertia and twice the damping, with some friction, and knows no delay."""
+    shipped = load_device(name).joints
+    rubbing = [one.model_copy(update={"coulomb": max(one.coulomb, 0.002 * one.torque_limit)}) for one in shipped]
+    device = load_device(name).model_copy(update={"joints": tuple(rubbing), "actuation_delay": 3e-4})
+    wrong = [{"inertia": 0.5 * one.inertia, "damping": 2.0 * one.damping, "coulomb": 0.0} for one in device.joints]
+    joints = tuple(one.model_copy(update=each) for one, each in zip(device.joints, wrong, strict=True))
+    told = parse(content_of(device.model_copy(update={"joints": joints, "actuation_delay": 0.0})), name)
+    middle = [sum(along) / 2.0 for along in device.handle.used]
+    servo = Servo(device, told, rate)
+    servo.state.position[0, : len(middle)] = middle
+    return servo.shake(wall_jumps(middle, _force(told), told.axes[0].damping, 1.0 / rate)), device, told
+
+
+@pytest.mark.parametrize("name", ["serial_2r", "pantograph_mk2", "hapkit"])
+def test_joints_of_a_linkage_are_recognized_one_by_one_and_written_as_joints(name, tmp_path):
+    rows, device, told = shaken_linkage(name)
+    found = {joint.name: estimate_joint(rows, i, told) for i, joint in enumerate(told.joints)}
+    for i, joint in enumerate(device.joints):
+        assert np.abs(rows["torque"][:, i]).max() < joint.limit
+        values = {figure: value for figure, (value, _) in found[joint.name].items()}
+        assert values["mass"] == pytest.approx(joint.inertia, rel=0.02)
+        assert values["damping"] == pytest.approx(joint.damping, rel=0.05)
+        assert values["coulomb"] == pytest.approx(joint.coulomb, rel=0.2)
+        assert values["delay"] == pytest.approx(3e-4, abs=1e-4)
+        assert values["resolution"] == pytest.approx(joint.step)
+    write_description(tmp_path / "found.yaml", told, found)
+    written = load_device(tmp_path / "found.yaml")
+    assert (written.kinematics, written.handle) == (device.kinematics, device.handle)
+    for joint, true in zip(written.joints, device.joints, strict=True):
+        assert joint.inertia == pytest.approx(true.inertia, rel=0.02)
+        assert joint.damping == pytest.approx(true.damping, rel=0.05)
+    assert "name: x" not in (tmp_path / "found.yaml").read_text()
+
+
+def test_a_handle_described_as_heavier_than_all_that_turns_is_refused():
+    rows, _, told = shaken_linkage("hapkit")
+    heavy = told.model_copy(update={"handle": told.handle.model_copy(update={"mass": 0.5})})
+    with pytest.raises(ValueError, match=r"^joint pulley: it turns with .* kg m², less than 0.5 kg at the handle make"):
+        estimate_joint(rows, 0, heavy)

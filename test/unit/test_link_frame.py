@@ -24,9 +24,7 @@ def array(data):
 class InPython:
     MOST = 700  # bytes that are coded
 
-    @staticmethod
-    def crc(data):
-        return frame.crc32(array(data), len(data))
+    crc = staticmethod(lambda data: frame.crc32(array(data), len(data)))
 
     @staticmethod
     def encode(data):
@@ -43,9 +41,7 @@ class InPython:
 class InC:
     MOST = 254  # more than any frame has
 
-    @staticmethod
-    def crc(data):
-        return firmware_builds.ports().haptic_crc32(bytes(data), len(data))
+    crc = staticmethod(lambda data: firmware_builds.ports().haptic_crc32(bytes(data), len(data)))
 
     @staticmethod
     def encode(data):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from lockstep_link import BRIDGE, DEVICE, LOOK, MS, SERVO, Link, Reference, Way, knob, two_joints
+from lockstep_link import BRIDGE, DEVICE, LOOK, MS, SERVO, Arms, Knob, Link, Reference, Way
 from lockstep_systems import values
 
 from haptic_device.control import enable_state, faults
@@ -37,8 +37,8 @@ class Case(NamedTuple):
 
 
 CASES = {
-    "knob": Case(functools.partial(knob, 0.02), (0.0, 200.0), 2 * MS, 0.008, 100 * MS),
-    "two joints": Case(two_joints, (0.03, 4.0), 600_000, 0.003, None),
+    "knob": Case(functools.partial(Knob, 0.02), (0.0, 200.0), 2 * MS, 0.008, 100 * MS),
+    "two joints": Case(functools.partial(Arms, 0.02), (0.0, 4.0), 600_000, 0.003, None),
     "datagrams": Case(functools.partial(Reference, True, 0.02), (0.0, 200.0), 450_000, 0.002, 15 * MS, 0.05),
     "serial": Case(functools.partial(Reference, False, 0.02), (0.0, 200.0), 450_000, 0.002, 15 * MS),
 }

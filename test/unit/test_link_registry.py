@@ -106,6 +106,11 @@ def test_a_device_that_contradicts_its_description_is_told_in_what():
     ]
     state[codec.AXES] = 2
     assert next(contradictions(state, device)) == "the device has 2 axes, its description 3"
+    told[:] = 20000.0, 10000.0, 0.0, 1.5, 1.0, 0.0
+    assert list(contradictions(state, load_device("serial_2r"))) == [  # motors of joints: counts/rad, N m
+        "joint elbow has 10000 counts per unit, its description 20000",
+        "joint elbow takes motor values up to 1, its description gives up to 1.5",
+    ]
 
 
 def test_a_link_whose_file_is_not_there_or_is_not_whole_is_refused_in_one_sentence(monkeypatch, tmp_path):

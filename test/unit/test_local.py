@@ -159,8 +159,7 @@ def test_a_wall_that_throws_the_tool_back_is_felt_as_with_the_world_in_the_same_
     tool = scene.tool.model_copy(update={"material": "stone"})
     motion = {"name": "tap", "start": [0.03, 0.0, 0.0], "target": [0.005, 0.0, 0.0], "duration": 2.0, "taps": 4}
     found = compare(
-        scene.model_copy(update={"materials": stone, "bodies": bodies, "tool": tool, "motion": motion}),
-        "3 ms",
+        scene.model_copy(update={"materials": stone, "bodies": bodies, "tool": tool, "motion": motion}), "3 ms"
     )
     assert found["tool"] <= 0.05e-3 and found["force"] <= 0.01 and found["fallbacks"] == 0
 

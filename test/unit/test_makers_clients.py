@@ -57,8 +57,8 @@ def emulator(start, tmp_path):
 
 def our_haply(generation):
     """Our codec on a board of its own, in made-up time; and what the board told."""
-    made, log = haply.codec(haply.Options(port="/dev/none", generation=generation), codec_host.device(2)), Log()
-    return Wired(made, codec_host.emulated("haply").Board(log)), log
+    made, log = haply.codec(haply.Options(port="/dev/none", generation=generation), codec_host.five_bars()), Log()
+    return Wired(made, codec_host.emulated("haply").Board(log, generation)), log
 
 
 @pytest.fixture
@@ -83,7 +83,7 @@ def haply_client(start):
 def test_a_haply_gets_the_bytes_that_its_makers_client_sends_and_its_counts_are_the_angles_that_this_reads(
     emulator, haply_client, generation, resolution
 ):
-    board, (line, ours) = emulator("haply"), our_haply(generation)
+    board, (line, ours) = emulator("haply", generation), our_haply(generation)
     ask = haply_client(board, generation)
     line.open()
     for event in (line.idle, line.idle):  # set up, and asked once with no torque
@@ -97,10 +97,13 @@ def test_a_haply_gets_the_bytes_that_its_makers_client_sends_and_its_counts_are_
     assert len(theirs.said("write")) == len(TORQUES)
     assert ours.said("write") == ["02050000000000000000", *theirs.said("write")]
     assert ours.torques()[1:] == theirs.torques()
-    for led in ((0.0, 0.0), (-1.0, 0.25), (2.0, -2.9)):
+    ask((0.0, 0.0))
+    line.sample(0.0, 0.0)
+    for led in ((3.0, 0.0), (2.0, 0.5), (2.5, 1.2)):
         board.order(f"lead {led[0]} {led[1]}")
         line.emulator.order(["lead", *led])
         angles, counts = ask((0.0, 0.0)), line.sample(0.0, 0.0).counts
+        assert angles == pytest.approx([math.degrees(angle) for angle in led], abs=1.1 * 360.0 / resolution)
         assert [counts[axis] * 360.0 / resolution for axis in range(2)] == pytest.approx(angles, abs=1e-4)
 
 

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from haptic_device.config.description import load_device
 from haptic_device.control import passivity
 from haptic_device.link import codec, moteus
 
@@ -41,10 +42,6 @@ def request(value, name=1, **given):
 
 def look(name=1):
     return line(0x8000 | name, QUERY, 6)
-
-
-def stop(name=1):
-    return line(0x8000 | name, STOP + QUERY, 12)
 
 
 def no_torque(name=1, **given):
@@ -117,7 +114,7 @@ def test_a_drive_that_gave_up_is_stopped_only_by_a_command_that_is_not_engaged_a
         host.hear(reply(mode=mode))
     assert host.write(math.nan, engaged=0) == request(0.0)
     host.hear(reply(mode=mode))
-    assert host.write(0.0, engaged=0) == stop()
+    assert host.write(0.0, engaged=0) == line(0x8001, STOP + QUERY, 12)
     host.hear(reply(mode=0))
     assert host.write(0.0, engaged=0) == request(0.0)
     assert host.cut() == no_torque()
@@ -189,6 +186,13 @@ def test_options_out_of_bounds_are_refused_and_those_within_are_taken():
         assert getattr(moteus.Options(**whole | {key: good}), key) == good
         with pytest.raises(ValidationError):
             moteus.Options(**whole | {key: bad})
+
+
+def test_drives_of_a_linkage_give_what_its_joints_stand():
+    one, two = (codec_host.five_bars(0.3, constant) for constant in (1.0, 2.0))
+    for device, most in ((load_device("hapkit"), [0.025]), (one, [0.3, 0.3]), (two, [0.15, 0.15])):
+        made = moteus.codec(moteus.Options(port="/dev/none", ids=tuple(range(1, len(most) + 1))), device)
+        assert made.state.view(float)[moteus.LIMITS : moteus.LIMITS + len(most)].tolist() == most
 
 
 def test_the_described_knob_carries_the_drivers_own_coupling_at_1_khz_with_1_ms_of_delay():

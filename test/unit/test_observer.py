@@ -94,12 +94,14 @@ def test_a_wall_far_beyond_the_margin_gives_energy_to_a_hand_that_shakes_and_in_
     assert hand.most <= BUDGET if control else hand.most > 4.0 * BUDGET and hand.free < -3.0 * BUDGET
 
 
-def test_walls_let_go_of_what_missed_ticks_gave_and_then_the_hand_gets_nothing():
-    """A wall of 0.95 of its bound; a hold of two periods is beyond."""
-    given, rows = stalling.pressed("wall", 0.95, 0.05, 40)
-    assert np.abs(rows.force_walls[:, 0]).max() > 1.5
+@pytest.mark.parametrize("method, longest", [("wall", 40), ("local", 40), ("pspm", 16)])
+def test_missed_ticks_by_the_hundred_give_no_more_than_the_budget_and_much_where_nothing_lets_go(method, longest):
+    """A wall, or a tool at one, of 0.95 of its bound; a hold of two periods is beyond."""
+    given, rows = stalling.pressed(method, 0.95, 0.05, longest)
+    assert np.count_nonzero(np.diff(rows.latched) == 0.0) > 1000  # ticks
+    assert np.abs((rows.force_walls + rows.force_coupling)[:, 0]).max() > 1.5
     assert given <= BUDGET
-    assert stalling.pressed("wall", 0.95, 0.05, 40, control=False)[0] > 0.02
+    assert method != "wall" or stalling.pressed("wall", 0.95, 0.05, 40, control=False)[0] > 0.02
 
 
 @pytest.mark.parametrize("axes, angle", [(2, 0.0), (1, 0.0), (1, 360.0)])  # sin 360° is not 0 by rounding

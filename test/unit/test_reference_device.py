@@ -18,6 +18,7 @@ import pytest
 import waiting
 from firmware_builds import FIRMWARE, ROOT
 
+from haptic_device.config import files
 from haptic_device.config.description import load_device, parse
 from haptic_device.config.parameters import LOOPBACK
 from haptic_display.run import reference_device
@@ -175,13 +176,13 @@ def test_an_installed_package_finds_all_that_it_compiles(monkeypatch, tmp_path):
     told = {}
     monkeypatch.setattr("setuptools.setup", lambda **facts: told.update(facts))
     runpy.run_path("setup.py")
-    for folder, files in told["data_files"]:
-        for file in files:
+    for folder, copied in told["data_files"]:
+        for file in copied:
             (tmp_path / folder).mkdir(parents=True, exist_ok=True)
             shutil.copy(file, tmp_path / folder)
     monkeypatch.setattr("sys.prefix", "/nowhere")
     monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
-    monkeypatch.setattr(reference_device, "__file__", str(tmp_path / "lib/haptic_display/run/reference_device.py"))
+    monkeypatch.setattr(files, "__file__", str(tmp_path / "lib/haptic_device/config/files.py"))
     with pytest.raises(ValueError, match="^the firmware's sources are not in "):
         reference_device.sources()
     monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nowhere:{tmp_path}")
@@ -240,5 +241,5 @@ def test_a_watchdog_that_a_tool_makes_longer_is_a_simulated_devices_alone(tmp_pa
     assert told("desktop") == [1.0]
     assert told("reference_udp") == [None, 1.0]  # the device has it in its settings
     assert "watchdog 1.0" in (tmp_path / "reference_device.txt").read_text().splitlines()
-    assert told("haply_2diy") == told("moteus_knob") == [None]
+    assert told("moteus_knob") == [None]
     assert told("own_device") == []

@@ -45,11 +45,7 @@ def test_a_stored_reference_is_made_again_as_near_as_it_says():
 
 @pytest.mark.parametrize(
     ("name", "other", "bound"),
-    [
-        ("push_block", "impulse", 2e-2),
-        ("stack", "mujoco_rk4", 2e-3),
-        ("wrench_on_nut", "pymunk", 5e-3),
-    ],
+    [("push_block", "impulse", 2e-2), ("stack", "mujoco_rk4", 2e-3), ("wrench_on_nut", "pymunk", 5e-3)],
 )
 def test_a_stored_reference_is_where_others_come_to_as_well(name, other, bound):
     if other.startswith("mujoco"):

@@ -38,6 +38,7 @@ FILES = {
     "answers.yaml": "homing: absolute\n",
 }
 PASSIVITY = "passivity --stiffness 1e3 --damping 1 --physical-damping 3 --period 1e-3 "
+ARMS = "passivity --stiffness 30 --damping 0 --period 1e-3 --device haply_2diy_gen3"
 NO_FILE, FULL = "No such file or directory", "/dev/full: No space left on device"
 NOWHERE = "nowhere is neither a file nor a name in config/"
 INPUTS = {
@@ -74,9 +75,21 @@ INPUTS = {
     "device find --silent --udp nowhere": "--udp is 'nowhere'; HOST:PORT is needed, the port from 1 to 65535",
     "device find --silent --udp 127.0.0.1:65536": "--udp is '127.0.0.1:65536'; HOST:PORT is needed",
     "device find --watch --udp 127.0.0.1:9": "--watch is for what is plugged in: leave --udp out",
+    "device kinematics desktop --joints 1": "desktop has no joints: each of its motors moves an axis",
+    "device kinematics serial_2r": "give --joints or --position, and not both",
+    "device kinematics serial_2r --joints 1,2 --position 3,4": "give --joints or --position, and not both",
+    "device kinematics serial_2r --joints 3": "joints is '3'; two numbers A,B in degrees are needed",
+    "device kinematics hapkit --position nan": "position is 'nan'; a number in m is needed",
+    "device kinematics serial_2r --joints 30,-60": "joints is 30,-60 degrees; the handle of serial_2r cannot be there",
+    "device kinematics serial_2r --position 0.2,0": "position is 0.2,0 m; the handle of serial_2r cannot be there",
+    "device kinematics hapkit --position 5": "joint pulley is at 7.616e+04°, and its limits are -1031° to 1031°",
     "device set-up desktop": "haptic device set-up: it asks for what only a hand at the device can tell",
     "device set-up desktop --answers none.yaml --out b.yaml": f"none.yaml: {NO_FILE}",
     "device set-up desktop --answers answers.yaml --out .": "--out is ., but it must be a new file in a folder that",
+    "device set-up haply_2diy_gen3 --answers answers.yaml --out b.yaml": (
+        "haptic device set-up: haply_2diy_gen3 is a five_bar, and set-up measures axes, not joints: write "
+        "encoder_sign, counts_per_rad, zero and motor_sign of each joint by hand, with haptic device show beside it"
+    ),
     "device set-up nowhere --answers answers.yaml --out b.yaml": f"{NOWHERE}devices",
     "device test nowhere": f"haptic device test: {NOWHERE}devices",
     "device test --namespace 4x": "namespace is '4x'",
@@ -100,6 +113,12 @@ INPUTS = {
     f"{PASSIVITY} --resolution -1": "resolution is -1 m",
     f"{PASSIVITY} --coulomb -1": "coulomb is -1 N",
     f"{PASSIVITY} --plot /nowhere/a.png": f"haptic passivity: /nowhere/a.png: {NO_FILE}",
+    f"{ARMS} --joints=120,60 --position=0.02,0.13": "give one of them",
+    f"{ARMS} --joints=120,60 --device desktop": "--joints is of a linkage, and desktop has motors on its axes",
+    f"{ARMS} --position=0.3,0.1": "position is 0.3,0.1 m; the handle of haply_2diy_gen3 cannot",
+    f"{ARMS} --joints=60,120": "60,120 degrees; joint joint_1 is at 60°, and its limits are 68.75° to ",
+    f"{ARMS} --joints=120": "joints is '120'; two numbers A,B in degrees are needed",
+    f"{ARMS} --physical-damping=0": "physical_damping is 0 N m s/rad",
     "replay nowhere --delay inf": "--delay is inf; a finite number in s is needed",
     "replay nowhere --check --as device": "replay --check takes no --as device:",
     "replay nowhere --check --delay 0.01": "replay --check takes no --delay:",
@@ -118,6 +137,7 @@ INPUTS = {
     "zwidth --lateness 0.00051": "lateness is 0.00051 s, but it must lie between 0 and 0.0005 s",
     "zwidth --seconds 0": "seconds is 0 s",
     "zwidth --physical-damping nan": "physical_damping is nan N s/m",
+    "zwidth --live --device serial_2r": "the workspace of serial_2r is 0.03 to 0.12 m along y",
     "zwidth --live --mass 1 --out map": "with --live, --mass, --out has no meaning",
     "zwidth --live --period 1": "servo.rate is 1.0 Hz; at least 500.0 Hz is needed",
     "zwidth --live --period 0.00005": "servo.rate is 20000.0 Hz; at most 10000.0 Hz is allowed",
@@ -203,16 +223,8 @@ def test_passivity_takes_what_is_just_inside_of_its_bounds():
 
 
 def test_passivity_refuses_what_is_no_finite_number():
-    for option in (
-        "stiffness",
-        "damping",
-        "physical-damping",
-        "period",
-        "mass",
-        "velocity-lag",
-        "resolution",
-        "coulomb",
-    ):
+    names = "stiffness", "damping", "physical-damping", "period", "mass", "velocity-lag", "resolution", "coulomb"
+    for option in names:
         for value in ("nan", "inf", "soon"):
             said = refused(f"{PASSIVITY} --{option} {value}")
             assert f"is {value}" in said or f"is {value!r}" in said or f"{value!r} is" in said, said

@@ -7,6 +7,7 @@ from bag_of_a_run import swing, write_run
 from in_process import haptic
 from lockstep_systems import device, values
 
+from haptic_device.config.description import load_device
 from haptic_device.config.parameter_types import defaults
 from haptic_device.control import controller_config, gain_check
 from haptic_device.realtime import tick_replay
@@ -18,6 +19,7 @@ from haptic_display.run.report.reading import read_run
 from haptic_sim.lockstep import rerun, trace_verification
 from haptic_sim.lockstep.lockstep import PERFECT, Lockstep
 from haptic_sim.lockstep.lockstep_bag import BLOCK as BLOCK_OF_BAG
+from haptic_sim.lockstep.recorded_operator import PlayedDevice
 from haptic_sim.lockstep.trace_verification import verdict_on
 from haptic_sim.node.parameters import NODES
 from haptic_sim.scene.language import load as load_scene
@@ -91,6 +93,37 @@ def test_snapshots_with_columns_that_are_no_more_are_computed_as_those_without(r
     for name in start.dtype.names:
         more[name] = start[name]
     assert verdict_on(rows, more).same == 100
+
+
+SINCE_LINKAGES = (  # beginnings of columns of snapshots
+    *(f"settings.{name}" for name in ("linkage_", "port_joints", "port_lever", "most_force", "step")),
+    *(f"memory.{name}" for name in ("joint", "jacobian", "account_place", "account_jacobian")),
+)
+
+
+def test_a_bag_from_before_there_were_joints_is_computed_again_to_the_bit(recorded):
+    rows, start = recorded[0][:500], recorded[1]
+    before = [name for name in start.dtype.names if not name.startswith(SINCE_LINKAGES)]
+    assert len(start.dtype.names) - len(before) == 8 + 9  # eight of the linkage, two that begin with joint
+    of_then = rows[[name for name in rows.dtype.names if name not in ("joint", "torque")]]
+    found = verdict_on(of_then, start[before])
+    assert (found.same, found.different, found.skipped) == (500, 0, 0)
+
+
+def test_a_linkage_played_as_device_has_its_handle_where_it_was_and_its_ticks_are_the_same_again():
+    described, times, angle = load_device("serial_2r"), np.arange(2000) * 250_000.0, np.linspace(0.0, 6.0, 2000)
+    way = np.stack([0.02 * np.sin(angle), 0.075 + 0.02 * np.cos(angle), 0.0 * angle], axis=1)
+    wall = {"wall__offsets": (0.08,), "wall__normals": (0.0, 1.0), "wall__stiffness": (20.0,), "wall__damping": (0.0,)}
+    driver = values("haptic_driver", coupling__stiffness=10.0, coupling__damping=0.0, engage__time=0.05, **wall)
+    hand = values("haptic_loopback", motion__start=tuple(way[0]))
+    system = Lockstep(described, driver, hand, None, hand=PlayedDevice(times, way))
+    start = tick_replay.snapshot_of(-1, system.settings[0], system.memory[0])
+    rows = system.run(0.499).view(np.ndarray)
+    for axis, felt in enumerate(described.axes):  # which has the way of a count at the worst pose
+        there = np.interp(rows["deadline"], times, way[:, axis])
+        assert np.abs(rows["position"][:, axis] - there).max() < 1.0 / felt.counts_per_unit
+    assert np.abs(rows["torque"]).max() > 1e-3 and not rows["fault"].any()
+    assert verdict_on(rows, start).same == len(rows)
 
 
 def test_a_trace_of_another_version_or_without_snapshots_is_refused_in_a_sentence(recorded):

@@ -30,7 +30,7 @@ from mcap.reader import make_reader
 
 from haptic_device.control import withheld
 from haptic_device.recording import load
-from haptic_device.recording.layouts import CloudLayout
+from haptic_device.recording.layouts import WRENCH, CloudLayout, StampedLayout, wrench_numbers
 from haptic_device.recording.writer import Bag
 from haptic_device.theory.palette import RUNS
 from haptic_display.cli.report import report
@@ -271,6 +271,13 @@ def test_markers_are_told_with_their_time_from_the_first_message_on(tmp_path):
     ]
     found = sections(read_run(write_bag(tmp_path / "marked", *said)))
     assert found["Trial and markers"] == {"mark at 0.000 s": "begins", "mark at 2.000 s": "lets go"}
+
+
+def test_without_a_trace_the_force_on_the_handle_of_a_linkage_is_its_wrench_and_not_its_torques(tmp_path):
+    torques = joints(("shoulder", "elbow"), [1.0, 2.0], 0, effort=[0.1, 0.2])
+    wrench = bytes(StampedLayout(WRENCH, "haptic").pack(0, wrench_numbers([5.0, 6.0, 0.0])))
+    bag = write_bag(tmp_path / "arm", ("/haptic/motor", JOINTS, torques), ("/haptic/wrench", WRENCH, wrench))
+    assert [read_run(bag).forces(axis)["on handle"][1].tolist() for axis in (0, 1)] == [[5.0], [6.0]]
 
 
 def foreign(folder):

@@ -2,6 +2,7 @@
 """The device as a robot of ROS: joints, URDF, and transforms that end where the handle is."""
 
 import importlib
+import math
 import sys
 import types
 from xml.etree import ElementTree
@@ -10,8 +11,9 @@ import pytest
 from fake_node import Node
 
 from haptic_device.config.description import load_device
+from haptic_device.config.drives import drives, drives_at, place_of
 from haptic_device.nodes import robot_state, transforms
-from haptic_device.nodes.urdf import links, urdf
+from haptic_device.nodes.urdf import states, tree, urdf
 from haptic_sim.scene.geometry import turned
 
 
@@ -73,4 +75,89 @@ def test_without_the_messages_of_tf_joints_and_description_are_told_all_the_same
     node = Node()
     robot_state.RobotState(node, load_device("desktop")).publish(0, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3)
     assert set(node.said) == {"joint_states", "robot_description"} and len(node.said["joint_states"]) == 1
-    assert links(load_device("desktop")) == ("base_link", "x_link", "y_link", "handle")
+    assert [joint.child for joint in tree(load_device("desktop"))] == ["x_link", "y_link", "handle"]
+
+
+KNOB = load_device("haply_2diy_gen3")
+KNOB = KNOB.model_copy(update={"name": "knob", "axes": (*KNOB.axes, load_device("desktop").axes[2])})  # on five bars
+LINKAGES = [*map(load_device, ("haply_2diy_gen3", "pantograph_mk2", "serial_2r", "hapkit")), KNOB]
+EACH = pytest.mark.parametrize("device", LINKAGES, ids=lambda device: device.name)
+MOTION = [0.3, -0.2, 0.5]  # of the handle [m/s, m/s, rad/s]
+
+
+def places(device):
+    """Middle and two other places of the workspace, and angles of the handle where a motor turns it."""
+    turned = (0.0, 0.7, -2.5) if len(device.axes) == 3 else (0.0,) * 3
+    for share, angle in zip((0.5, 0.1, 0.85), turned, strict=True):
+        x, *y = (low + share * (high - low) for low, high in device.handle.used)
+        yield [x, *(y or [0.0]), angle]
+
+
+def seen_by_others(robot, positions):
+    """{link: (x, y, angle)} in the base, as whoever reads this URDF finds them at these positions of its joints."""
+    found, waiting = {"haptic_base_link": (0.0, 0.0, 0.0)}, robot.findall("joint")
+    while waiting:
+        joint = next(one for one in waiting if one.find("parent").get("link") in found)
+        waiting.remove(joint)
+        parent, origin = found[joint.find("parent").get("link")], joint.find("origin")
+        x, y, _ = map(float, origin.get("xyz").split()) if origin is not None else (0.0,) * 3
+        # along x or y, or about z
+        along = [float(one) * positions[joint.get("name")] for one in joint.find("axis").get("xyz").split()]
+        found[joint.find("child").get("link")] = (*turned((x + along[0], y + along[1]), parent), parent[2] + along[2])
+    return found
+
+
+@EACH
+def test_whoever_reads_the_urdf_of_a_linkage_finds_the_handle_where_the_joints_put_it_and_loops_closed(device):
+    robot, told = ElementTree.fromstring(urdf(device, "/haptic")), [joint.name for joint in tree(device)]
+    assert told[: len(device.axes)] == [drive.name for drive in drives(device)]
+    children = [joint.find("child").get("link") for joint in robot.findall("joint")]
+    assert sorted(["haptic_base_link", *children]) == sorted(link.get("name") for link in robot.findall("link"))
+    for joint, element in zip(device.joints, robot.findall("joint"), strict=False):
+        limit = {key: float(value) for key, value in element.find("limit").items()}
+        assert (limit["lower"], limit["upper"], limit["effort"]) == (*joint.limits, joint.limit)
+    for place in places(device):
+        position = drives_at(device, place)
+        assert place_of(device, position) == pytest.approx(place, abs=1e-12)
+        limits = [joint.limits for joint in device.joints]
+        assert all(low <= at <= high for at, (low, high) in zip(position, limits, strict=False))
+        found = seen_by_others(robot, dict(zip(told, states(device, position, MOTION)[0], strict=True)))
+        x, y, angle = found["haptic_handle"]
+        assert (x, y, math.remainder(angle - place[2], math.tau)) == pytest.approx((*place[:2], 0.0), abs=1e-12)
+        if device.kinematics.type == "five_bar":  # the other branch ends there too
+            end = turned((device.kinematics.distal, 0.0), found["haptic_distal_2"])
+            assert end == pytest.approx((x, y), abs=1e-12)
+
+
+@EACH
+def test_joints_turn_as_fast_as_their_angles_change_while_the_handle_moves(device):
+    step, velocity = 1e-6, MOTION if len(device.joints) > 1 else [MOTION[0], 0.0, 0.0]
+    for place in places(device):
+        before, after = (
+            states(device, drives_at(device, [p + way * v for p, v in zip(place, velocity, strict=True)]), velocity)[0]
+            for way in (-step, step)
+        )
+        seen = [math.remainder(b - a, math.tau) / (2.0 * step) for a, b in zip(before, after, strict=True)]
+        assert states(device, drives_at(device, place), velocity)[1] == pytest.approx(seen, rel=1e-6, abs=1e-6)
+
+
+@EACH
+def test_the_transforms_of_a_linkage_end_where_the_pose_is(tf, device):
+    tf(types.SimpleNamespace(TFMessage=types.SimpleNamespace))
+    for place in places(device):
+        node = Node()
+        robot_state.RobotState(node, device).publish(0, drives_at(device, place), [0.0] * 3, [0.0] * 3)
+        ways = {one.child_frame_id: one for one in node.said["/tf"][0].transforms}
+        point, frame = (0.003, 0.004), "haptic_handle"
+        while frame != "haptic_base_link":
+            point, frame = carried(point, ways[frame].transform), ways[frame].header.frame_id
+        assert point == pytest.approx(turned((0.003, 0.004), place), abs=1e-12)
+
+
+def test_a_handle_that_cannot_be_there_is_told_nowhere_and_a_home_there_is_refused():
+    device, node = load_device("serial_2r"), Node()
+    otherwise = [0.5, -0.5, 0.0]  # assembled with the elbow on the other side
+    robot_state.RobotState(node, device).publish(0, otherwise, [0.0] * 3, [0.0] * 3)
+    assert node.said["joint_states"] == [] and place_of(device, otherwise) is None
+    with pytest.raises(ValueError, match=r"cannot have its handle at x = 0.3 m, y = 0.3 m"):
+        drives_at(device, [0.3, 0.3, 0.0])

@@ -116,11 +116,6 @@ def test_waypoints_are_pairs_or_triples_and_a_pair_keeps_the_angle_of_the_start(
         assert parse({**SCENE, "motion": motion}, "here").motion["waypoints"] == flat
 
 
-def test_a_scene_that_is_not_there_is_answered_with_those_that_are():
-    with pytest.raises(SceneError, match=r"peg_in_whole.*peg_in_hole, .* and \d+ more; did you mean peg_in_hole\?"):
-        load("peg_in_whole")
-
-
 def measured(**changes):
     return parse({**SCENE, "measure": {"pushed": SCENE["measure"]["pushed"] | changes}}, "here").measure["pushed"]
 

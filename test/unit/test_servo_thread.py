@@ -11,6 +11,7 @@ import pytest
 from waiting import until
 
 from haptic_device.config.description import load_device
+from haptic_device.config.drives import drives_at
 from haptic_device.config.parameter_types import defaults
 from haptic_device.config.parameters import DRIVER
 from haptic_device.control import controller_config, enable_state, faults
@@ -27,11 +28,11 @@ HOME = (0.05, 0.05, 0.75)
 NO_MOTOR = [0.0, 0.0, 0.0]
 
 
-def settings(**given):
+def settings(device="desktop", **given):
     """Of a servo at 1 kHz, which bears a thread that stands still."""
     patient = {"servo.rate": 1000.0, "fault.silence": 1.0}
     values = defaults(DRIVER) | patient | {name.replace("__", "."): value for name, value in given.items()}
-    return controller_config.settings_from(load_device("desktop"), values)
+    return controller_config.settings_from(load_device(device), values)
 
 
 class Served:
@@ -53,10 +54,7 @@ class Served:
         words, mail = self.page.words, self.truth.words
         simulated_device.serve(words, self.control, mail, 42, self.plant, self.memory, self.motion, truth)
 
-    @property
-    def now(self):
-        """The newest truth."""
-        return self.truth.get()[0]
+    now = property(lambda self: self.truth.get()[0])  # the newest truth
 
     def stop(self):
         """Ends the plant's thread."""
@@ -170,6 +168,18 @@ def test_the_servo_runs_on_the_page_takes_its_home_and_leaves_the_motor_at_zero(
     assert not thread.running and block[4:].tolist() == [0, 0, 0, 0]
     thread.link.close()
     until(lambda: not served.now.driven, "the plant is free")
+
+
+@pytest.mark.parametrize("device", ["haply_2diy_gen2", "serial_2r", "hapkit"])
+def test_a_linkage_that_starts_has_its_handle_at_home_whatever_its_encoders_count(served, servo, device):
+    """The counts are those of another plant, which stands still."""
+    described = load_device(device)
+    home = [0.02, 0.06 * (len(described.joints) - 1), 0.0]
+    thread = servo(record=settings(device), home=drives_at(described, home))
+    thread.start()
+    row = ticks(thread, 20)
+    assert row.counts[0] != 0.0 and row.position.tolist() == pytest.approx(home, abs=1e-9)
+    assert row.joint.tolist() == pytest.approx([*drives_at(described, home)[:2], 0.0], abs=1e-9)
 
 
 @kernel(hardware_interface.READ)

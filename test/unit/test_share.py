@@ -12,7 +12,7 @@ from haptic_device.config import files as config_files
 def prefixes(tmp_path, monkeypatch):
     """An installation and a workspace, each with a scene of its own."""
     for prefix, scene in (("venv", "installed"), ("workspace", "built")):
-        folder = tmp_path / prefix / config_files.INSTALLED / "scenes"
+        folder = tmp_path / prefix / config_files.INSTALLED / "config" / "scenes"
         folder.mkdir(parents=True)
         (folder / f"{scene}.yaml").write_text(f"from: {prefix}\n")
         (folder / "both.yaml").write_text(f"from: {prefix}\n")

@@ -6,7 +6,6 @@ import math
 import os
 import subprocess
 import sys
-import uuid
 
 import firmware_builds
 import numpy as np
@@ -56,16 +55,6 @@ class Other:
     def kill(self):
         self.process.kill()
         self.process.wait(60.0)
-
-
-@pytest.fixture
-def space():
-    """A namespace of the test's own, whose page is gone after it."""
-    space = f"/test_{uuid.uuid4().hex}"
-    yield space
-    left = page(space).exists()
-    page(space).unlink(missing_ok=True)
-    assert not left, "the page was left"
 
 
 def page(space, domain=DOMAIN):

@@ -9,12 +9,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from haptic_device.theory.delay import largest_passive_stiffness
-from haptic_device.theory.stability import (
-    held_plant,
-    largest_stable_stiffness,
-    spectral_radius,
-    stable_ranges,
-)
+from haptic_device.theory.stability import held_plant, largest_stable_stiffness, spectral_radius, stable_ranges
 
 MASS = st.floats(0.01, 1.0)
 PHYSICAL_DAMPING = st.floats(0.005, 5.0)

@@ -11,12 +11,15 @@ from fake_node import Node, Said
 from lockstep_systems import device, values
 from waiting import until
 
+from haptic_device.config.description import load_device
+from haptic_device.config.drives import drives_at
 from haptic_device.control import controller_config, records
 from haptic_device.nodes.telemetry import MOST_ROWS, Telemetry
 from haptic_device.realtime import clock, seqlock
 from haptic_device.realtime.null_device import NullDevice
 from haptic_device.realtime.servo_thread import RING_ROWS, ServoThread
 from haptic_device.realtime.tick_replay import SNAPSHOT
+from haptic_device.recording.layouts import JOINTS, POSE, WRENCH, layout_of
 
 EACH_TICK = ("encoder", "motor", "wrench", "pose", "joint_states")
 
@@ -26,10 +29,11 @@ def stamps(said):
     return [s * 10**9 + ns for s, ns in (struct.unpack_from("<iI", data, 4) for data in said)]
 
 
-def idle(rate, pose_rate):
+def idle(rate, pose_rate, described=None):
     """A servo that does not run itself, and the driver's values."""
     given = values("haptic_driver", publish__rate=float(rate), publish__pose_rate=float(pose_rate))
-    servo = ServoThread(NullDevice(), controller_config.settings_from(device(damping=3.0), given), None, "off")
+    settings = controller_config.settings_from(described or device(damping=3.0), given)
+    servo = ServoThread(NullDevice(), settings, None, "off")
     servo.snapshot = lambda: np.zeros(1, SNAPSHOT)
     return servo, given
 
@@ -147,3 +151,30 @@ def test_stop_returns_from_a_ring_that_fills_too_fast(machine):
     machine.telemetry.stop()
     assert 0 < machine.count("trace")[0] - before <= RING_ROWS // MOST_ROWS
     assert machine.servo.ring.dropped > 0
+
+
+def told(data, kind=JOINTS):
+    """Names, position, velocity, effort of a message."""
+    layout = layout_of(kind, data)
+    _, *parts = layout.arrays([data])
+    return [list(layout.names), *(part[0].tolist() for part in parts)]
+
+
+def test_a_linkage_tells_its_joints_and_torques_by_name_and_its_handle_where_the_joints_put_it():
+    described, place, node, row = load_device("serial_2r"), [0.02, 0.08, 0.0], Node(), np.zeros(1, records.TRACE_ROW)
+    servo, given = idle(RATE, POSE_RATE, described)
+    hardware, angles = servo.settings.get()["hardware"][0], drives_at(described, place)
+    row["counts"][0, :2] = ((angles + hardware["zero"]) / hardware["position_per_count"].clip(1e-9))[:2]
+    row["torque"], row["motor"], row["force_on_handle"] = (0.3, -0.2, 0.0), (3.0, -2.0, 0.0), (5.0, 6.0, 0.0)
+    row["deadline"], row["latched"] = BEGIN, BEGIN
+    servo.row.put(row)
+    telemetry = Telemetry(node, servo, described, given, node.clock.stamp)
+    telemetry.start()
+    until(lambda: node.said["motor"] and node.said["joint_states"], "a tick")
+    telemetry.stop()
+    names, position, *_ = told(node.said["encoder"][0])
+    assert names == ["shoulder", "elbow"] and position == pytest.approx(angles[:2], abs=1e-9)
+    assert told(node.said["motor"][0]) == [names, [3.0, -2.0], [0.0, 0.0], [0.3, -0.2]]
+    assert told(node.said["pose"][0], POSE)[1] == pytest.approx([*place, 0.0, 0.0, 0.0, 1.0], abs=1e-9)
+    assert told(node.said["wrench"][0], WRENCH)[3][:2] == [5.0, 6.0]
+    assert told(node.said["joint_states"][0])[3] == [0.3, -0.2, 0.0]  # nothing drives the pivot

@@ -162,17 +162,11 @@ def test_energy_of_motion_is_above_the_place_where_friction_holds():
 def test_the_line_of_late_writes_never_lies_above_what_a_delay_as_long_allows_and_is_near_it_without_damper():
     damping = np.linspace(-0.4, 0.4, 9)
     for delay in (0.0, 0.7, 1.0, 1.6):
-        late = theory(Setup(0.1, 0.5, 1e-3, delay_samples=delay), damping, lateness=2e-4)["late writes"]
+        lines = theory(Setup(0.1, 0.5, 1e-3, delay_samples=delay), damping, lateness=2e-4)
+        late, passive = lines["late writes"], lines["passive"]
         delayed = np.array([largest_passive_stiffness(0.5, B, 1e-3, 0.0, delay + 0.2) for B in damping])
-        assert np.all(late <= delayed * (1.0 + 1e-9))
+        assert np.all(late <= delayed * (1.0 + 1e-9)) and np.all((late < passive) & (passive <= lines["stable"]))
         assert late[4] >= (1.0 - 0.012) * delayed[4]
-
-
-def test_lines_of_theory_lie_in_their_order():
-    lines = theory(Setup(0.1, 0.5, 1e-3), np.linspace(-0.4, 0.4, 9), lateness=1e-4)
-    assert np.all(lines["late writes"] < lines["passive"])
-    assert np.all(lines["passive"] <= lines["stable"])
-    assert (1.0 - 0.012) * 0.5 / 0.6354e-3 <= lines["late writes"][4] <= 0.5 / 0.6353e-3
 
 
 @pytest.fixture(scope="module")

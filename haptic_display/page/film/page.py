@@ -83,13 +83,10 @@ def _harmless(content: list[Any]) -> str:
 
 def _content(film: Film) -> dict[str, Any]:
     steps = np.array([UNITS["length"], UNITS["length"], UNITS["angle"]])
+    as_they_are = "name", "date", "facts", "notes", "rate", "first_contact", "room", "walls", "linkage"
     return {
-        "name": film.name,
+        **{name: getattr(film, name) for name in as_they_are},
         "scene": asdict(film.scene) if film.scene else None,
-        "date": film.date,
-        "facts": film.facts,
-        "notes": film.notes,
-        "rate": film.rate,
         "begin": round(film.begin, 3),
         "count": film.pictures,
         "steps": UNITS,
@@ -99,9 +96,6 @@ def _content(film: Film) -> dict[str, Any]:
         "loose": np.flatnonzero(~film.coupled).tolist(),
         "contacts": [[picture, *(float(f"{number:.4g}") for number in rest)] for picture, *rest in film.contacts],
         "marks": [[round(at, 3), text] for at, text in film.marks],
-        "first_contact": film.first_contact,
-        "room": film.room,
-        "walls": film.walls,
     }
 
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recorded run as pictures at an even rate, and the curves below them. Time 0 is that of the report."""
 
+import contextlib
 import json
 import math
 import time
@@ -10,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from haptic_device.config.description import parse as parse_device
 from haptic_device.config.parameter_sections import sections
 from haptic_device.recording import load
 from haptic_device.recording.bag_contents import Joints
@@ -17,6 +19,7 @@ from haptic_device.recording.columns import CloudColumns
 from haptic_device.recording.reader import Collector, Keep, read
 from haptic_display.page.film.clock import Array, Clock
 from haptic_display.page.film.curves import AXES, HANDLE, coupling_holds, curves_of, force_on_hand
+from haptic_display.page.linkage import linkage_facts
 from haptic_display.run.report.run import Run
 from haptic_sim.scene.drawing import Drawing, drawing_of
 from haptic_sim.scene.geometry import Outline, Pose, Vertices
@@ -34,7 +37,7 @@ class Film(NamedTuple):
     each moving body. curves: (pictures,) of motor, felt [N], stretch [mm], given, supplied [mJ], age, oldest [ms].
     force: (pictures, 2) on the hand [N]. coupled: whether the coupling held. contacts: (picture, x, y [m], force x,
     force y [N]). marks: (time [s], text). first_contact [s]: None without one. room: left, bottom, right, top [m].
-    walls: of the servo, as (normal x, normal y, offset [m]).
+    walls: of the servo, as (normal x, normal y, offset [m]). linkage: as page/linkage has it.
     """
 
     name: str
@@ -53,6 +56,7 @@ class Film(NamedTuple):
     first_contact: float | None
     room: tuple[float, float, float, float]
     walls: list[tuple[float, float, float]]
+    linkage: dict[str, Any] | None = None
 
     @property
     def pictures(self) -> int:
@@ -92,25 +96,11 @@ def film_of(run: Run) -> Film:
         notes.append("the bag does not describe the scene that scene/state is of: bodies are not shown")
     drawing = drawing_of(scene) if scene else None
     places = _places(run, clock, state, drawing, notes)
-    curves = curves_of(run, clock, state, places)
-    return Film(
-        run.name,
-        drawing,
-        _date(run),
-        _facts(run, drawing),
-        [*notes, *run.notes, *seen.notes],
-        clock.rate,
-        float(clock.times[0]),
-        places,
-        curves,
-        force_on_hand(run, clock),
-        coupling_holds(run, clock),
-        _contacts(run, clock, seen),
-        run.marks,
-        _first_contact(run),
-        room_of(places, drawing),
-        _walls(run),
-    )
+    curves, force, coupled = curves_of(run, clock, state, places), force_on_hand(run, clock), coupling_holds(run, clock)
+    told = run.name, drawing, _date(run), _facts(run, drawing), [*notes, *run.notes, *seen.notes]
+    shown = places, curves, force, coupled, _contacts(run, clock, seen)
+    around = run.marks, _first_contact(run), room_of(places, drawing), _walls(run), _linkage(run)
+    return Film(*told, clock.rate, float(clock.times[0]), *shown, *around)
 
 
 def _span(run: Run, state: Joints | None) -> tuple[float, float]:
@@ -247,6 +237,15 @@ def _walls(run: Run) -> list[tuple[float, float, float]]:
             return []
         return [(x, y, offset) for x, y, offset in walls.tolist() if math.isfinite(x + y + offset)]
     return []
+
+
+def _linkage(run: Run) -> dict[str, Any] | None:
+    """Of the device, as attached; None of one that cannot be read."""
+    for name in run.recording.attachments:
+        if name.startswith("device/"):
+            with contextlib.suppress(ValueError):
+                return linkage_facts(parse_device(run.attached(name), name))
+    return None
 
 
 def _date(run: Run) -> str:

@@ -14,7 +14,7 @@ const WORDS = [
   ["#estop", "E-STOP", "Cuts all force at once. So does the Esc key, wherever you are on this page."],
   ["#layer", "Expert", "Shows all figures and settings, or only what everybody needs."],
   ["#theme", "Colours", "Light, dark, or as your system has it."],
-  ["#scene", "Plane", "Blue dot: the handle. Orange: the tool. Green: the spring between them. Arrow: the force on the hand. Purple: contacts. Dashed: how far the handle goes."],
+  ["#scene", "Plane", "Blue dot: the handle. Orange: the tool. Green: the spring between them. Arrow: the force on the hand. Purple: contacts. Dashed: how far the handle goes. Dotted: how far its links reach."],
   ["div:has(> #force)", "Force on the hand", "How hard the handle pushes your hand. 1 N is the weight of 100 g."],
   ["div:has(> #torque)", "Torque", "How hard the handle twists your hand.", EXPERT],
   ["div:has(> #stretch)", "Coupling stretched", "How far the tool is from the handle. The spring between them pulls the harder, the longer it is.", EXPERT],

@@ -2,6 +2,7 @@
 // Draws the scene: what stands still is painted once on a layer of its own, what moves with every frame.
 
 import { paintWay } from "./ghost.js";
+import { paintLinks, paintReach, roomOf } from "./linkage.js";
 import { circle, grip, line, outline, path, placed, spiral, trace, zigzag } from "./pen.js";
 import { Plane } from "./plane.js";
 import { colours } from "./theme.js";
@@ -19,7 +20,7 @@ export class SceneView {
     this.still = document.createElement("canvas");
     this.scene = this.frame = null;
     this.walls = [];
-    this.workspace = null;
+    this.workspace = this.linkage = null;
     this.unfelt = ""; // why the tool is not felt
     this.lastTool = null; // where it was, of a simulation that fell silent
     this.recolour();
@@ -37,12 +38,13 @@ export class SceneView {
     else this.fit();
   }
 
-  setSurroundings(walls, workspace) {
-    const told = JSON.stringify([walls, workspace]);
+  setSurroundings(walls, workspace, linkage) {
+    const told = JSON.stringify([walls, workspace, linkage]);
     if (told === this.told) return;
     this.told = told;
     this.walls = walls;
     this.workspace = workspace;
+    this.linkage = linkage;
     this.stale = true;
     if (!this.scene) this.fit();
   }
@@ -51,6 +53,7 @@ export class SceneView {
   fit() {
     const rooms = this.scene ? [this.scene.room] : [];
     if (this.workspace) rooms.push([0, 1, 0, 1].map((axis, side) => (this.workspace[axis] ?? [-0.05, 0.05])[side < 2 ? 0 : 1]));
+    if (this.linkage) rooms.push(roomOf(this.linkage));
     for (const at of [this.lastTool, this.frame?.handle]) {
       if (at) rooms.push([at[0] - AROUND, at[1] - AROUND, at[0] + AROUND, at[1] + AROUND]);
     }
@@ -82,6 +85,7 @@ export class SceneView {
     context.drawImage(this.still, 0, 0);
     this.frame = frame;
     if (!frame) return;
+    if (this.linkage && frame.handle) paintLinks(context, this, this.linkage, frame.handle);
     this.paintMoving(context, frame);
     if (frame.handle && frame.tool) this.paintCoupling(context, frame);
     for (const contact of frame.contacts) this.paintContact(context, contact);
@@ -110,6 +114,7 @@ export class SceneView {
     for (const solid of this.scene?.solids ?? []) {
       if (solid.fixed) this.paintSolid(context, solid, solid.pose, this.colours.fixed, 1);
     }
+    if (this.linkage) paintReach(context, this, this.linkage);
     if (this.scene?.task) paintWay(context, this, this.scene);
   }
 

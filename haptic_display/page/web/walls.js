@@ -28,11 +28,11 @@ export class Walls {
   }
 
   // What the driver has; walls that are being changed are left alone.
-  show({ values, passive, damping, workspace }) {
+  show({ values, passive, damping, workspace, linkage }) {
     this.known = values.haptic_driver ?? {};
     this.passive = passive;
     this.axes = damping.length || 2;
-    this.workspace = workspace;
+    Object.assign(this, { workspace, linkage });
     byId("add_wall").disabled = !("wall.offsets" in this.known);
     const told = JSON.stringify(valuesOf(wallsOf(this.known)));
     const lately = performance.now() < this.asked + LATELY && told !== this.wanted;
@@ -47,7 +47,7 @@ export class Walls {
     this.places = walls.map((wall, i) => this.places[i] ?? aside(wall, middle)).map((place, i) => onto(walls[i], place));
     if (walls.length !== this.rows.length) this.buildRows();
     this.rows.forEach((row, i) => !row.edited && row.show(walls[i], this.passive, i));
-    this.view.setSurroundings(walls.map(({ normal, offset }) => [...normal, offset]), this.workspace);
+    this.view.setSurroundings(walls.map(({ normal, offset }) => [...normal, offset]), this.workspace, this.linkage);
   }
 
   add() {

@@ -8,7 +8,7 @@ import numpy as np
 from haptic_device.recording.bag_contents import Joints
 from haptic_device.recording.bag_topics import TOPICS, load
 from haptic_device.recording.columns import Entries
-from haptic_display.run.report.run import AXES, Run
+from haptic_display.run.report.run import AXES, WRENCH, Run
 
 TRACE = np.dtype(  # a tick in a quarter of its full size: ten minutes at 4 kHz then fit into half a gigabyte
     [(name, "f8") for name in ("tick", "deadline", "tool_answered", "handle_sequence", "missed")]
@@ -31,6 +31,7 @@ NO_TRACE = {  # where the trace cannot be had: every topic, and what of it stand
     "handle": Entries((*HANDLE, *AXES), ("position", "effort")),
     "tool": Entries((*AXES, "contact"), ("position", "effort")),
     "motor": Entries(AXES, ("effort",)),
+    "wrench": Entries(WRENCH, ("effort",)),
     "operator/state": ONLY["operator/state"],
 }
 LEFT_OUT = (

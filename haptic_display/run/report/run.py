@@ -22,6 +22,7 @@ from haptic_display.run.report.wall_contacts import Contact, contacts, touching
 
 TELLING = 0.9  # share of the force that a fit in contact has to explain
 AVERAGED = 8  # ticks, where only the servo's own columns are there
+WRENCH = "force.x", "force.y", "torque.z"  # entries of `wrench` along the axes
 
 
 @dataclass
@@ -136,16 +137,19 @@ class Run:
     def forces(self, axis: int) -> dict[str, tuple[Array, Array]]:
         """Total on the handle, and of the coupling: times [s] and forces [N | N m]. Raises ValueError without any."""
         if not self.traced:
-            return self._by_topic({"on handle": "motor", "of the coupling": "handle"}, "effort", axis)
+            motor = self.recording.joints.get("motor")
+            joints = motor is not None and AXES[0] not in motor.names  # whose torques are no forces on the handle
+            topics = {"on handle": "wrench" if joints else "motor", "of the coupling": "handle"}
+            return self._by_topic(topics, "effort", axis)
         columns = {"on handle": "force_on_handle", "of the coupling": "force_coupling"}
         return {name: (self.seconds, self.rows[column][:, axis]) for name, column in columns.items()}
 
     def _by_topic(self, topics: dict[str, str], part: str, axis: int) -> dict[str, tuple[Array, Array]]:
         """Times and values of one axis of the topics that there are, zero where a topic lacks it."""
-        found, name = {}, AXES[axis]
+        found = {}
         for label, topic in topics.items():
             if joints := self.recording.joints.get(topic):
-                time = self.since(joints.published)
+                time, name = self.since(joints.published), WRENCH[axis] if topic == "wrench" else AXES[axis]
                 found[label] = time, joints.entry(name, part) if name in joints.names else np.zeros(len(time))
         if not found:
             raise ValueError(f"no topic {' or '.join(topics.values())} was recorded")

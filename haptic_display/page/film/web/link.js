@@ -33,7 +33,7 @@ export class Link {
 
   tell(first) {
     this.onNews("scene", { ...(first.scene ?? UNKNOWN), room: together(this.recordings.map(({ room }) => room)) });
-    this.onNews("surroundings", [first.walls, null]);
+    this.onNews("surroundings", [first.walls, first.linkage?.workspace ?? null, first.linkage]);
     const marks = this.recordings.flatMap((one) => one.marks.map(([time, text]) => [one.shift + time, this.recordings.length > 1 ? `${one.name}: ${text}` : text]));
     const go = (time) => this.player.go(time);
     this.onNews("curves", { charts: CHARTS.map((curves) => this.chart(curves)), marks: marks.map(([time]) => time), go });
