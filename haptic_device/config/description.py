@@ -272,12 +272,10 @@ class Device(Part):
         if self.joints and self.drag_sensor != DragSensor():
             raise ValueError("a linkage has no drag_sensor: leave it out")
         if self.joints and self.homing == "at_start":
-            inside = zip(self.home, self.handle.workspace if self.handle else (), strict=False)
-            if any(not low <= at <= high for at, (low, high) in inside):
-                told = (
-                    f"home is {list(self.home[: len(self.joints)])} m, and with homing at_start it must be a place in"
-                )
-                raise ValueError(f"{told} the workspace: write where the handle is then")
+            for at, (low, high) in zip(self.home, self.handle.workspace if self.handle else (), strict=False):
+                if not low <= at <= high:
+                    given = f"home has {at:g} m; with homing at_start it is where the handle is then"
+                    raise ValueError(f"{given}, within the workspace, {low:g} to {high:g} m")
         return self
 
     @model_validator(mode="after")

@@ -178,13 +178,19 @@ def promised(port, account, newest, now, sign):
     return total, first
 
 
+@njit
+def to_drives(port, account):
+    """Forces of springs and dampers on the handle, as those of what the motors drive."""
+    if port.joints > 0.0:
+        linkage.to_joints(account.jacobian, account.spring)
+        linkage.to_joints(account.jacobian, account.damper)
+
+
 @kernel
 def weigh(port, account, newest, table, count, place, sign):
     """S, Φ, forces and what is left of the damping of a table at the sample, into the account; V [J]."""
     account.store = rows.force(table, count, place, account.velocity, account.spring, account.damper)
-    if port.joints > 0.0:
-        linkage.to_joints(account.jacobian, account.spring)
-        linkage.to_joints(account.jacobian, account.damper)
+    to_drives(port, account)
     account.least = needs(port, table, count, account)
     account.late, _ = promised(port, account, newest, account.damper, sign)
     return account.store + account.late

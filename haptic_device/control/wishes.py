@@ -253,7 +253,7 @@ def move(settings, state, release):
             now.weight = now.rate = 0.0
         if row.weight != now.weight or row.rate != 0.0 or (now.weight > 0.0 and not rows.same(row, now)):
             coupled, others = coupled or r < AXES, others or r >= AXES
-    _own(state, count, local, settings.port.joints > 0.0)
+    _own(settings.port, state, count, local)
     account.open_table(settings, book, hold, table, trial, count, place, coupled or others)
     one = other = 1.0
     # with `off` nothing waits for energy that is not there
@@ -272,7 +272,7 @@ def move(settings, state, release):
 
 
 @njit
-def _own(state, count, local, own_of_joints):
+def _own(port, state, count, local):
     """The forces that the handle's own motion makes of those that were held; the own tool's way is one too."""
     table, trial, book = state.rows, state.trial, state.account
     for r in range(count):
@@ -282,9 +282,7 @@ def _own(state, count, local, own_of_joints):
             if local:
                 trial[r].offset, trial[r].rate = state.wished[r].offset, state.wished[r].rate
     rows.force(trial, count, state.motion.handle, book.velocity, book.spring, book.damper)
-    if own_of_joints:
-        linkage.to_joints(book.jacobian, book.spring)
-        linkage.to_joints(book.jacobian, book.damper)
+    account.to_drives(port, book)
     for i in range(AXES):
         book.own[i] = book.spring[i] + book.damper[i]
 

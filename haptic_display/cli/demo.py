@@ -12,7 +12,7 @@ from typing import Annotated
 import psutil
 import typer
 
-from haptic_device.config.files import find
+from haptic_device.config.files import find, names
 from haptic_device.config.parameter_files import read_operating_point
 from haptic_device.os_errors import in_words
 from haptic_device.process import say
@@ -107,10 +107,8 @@ def _order(scene, seconds, out, exchange, rate, params, device) -> Order:
 
 def _own_point(device: str | None) -> str:
     """The operating point that is named as the device, with the gains for it; else demo."""
-    name = Path(device or "demo").stem
-    with contextlib.suppress(FileNotFoundError):
-        return str(find("", name))
-    return "demo"
+    name = Path(device or "").stem
+    return name if name in names("") else "demo"
 
 
 def play(order: Order) -> bool:

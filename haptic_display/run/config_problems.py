@@ -27,6 +27,7 @@ from haptic_sim.scene.motion import flat_motion
 
 Measure = Callable[[dict[str, Any]], float | None]
 """How late [s] a machine's writes are, 99 % of them, with these values of the driver; None where it cannot be known."""
+DEVICE = {"axes", "kinematics"}  # keys of which a device description has one
 
 
 def _unknown(driver: dict[str, Any]) -> None:
@@ -54,7 +55,7 @@ def problems(path: Path, measure: Measure = _unknown) -> list[str]:
             document = yaml_reader.load(path, ros=True)
             together = dict.fromkeys(_together(document, path, measure))
             return [*files.operating_point_problems(document, NODES), *together]
-        if is_device(document):
+        if DEVICE & document.keys():
             return _refused(load_device, path)
         if "bodies" in document or "tool" in document:
             wrong = [*_refused(load_scene, path), *_motion(document.get("motion"))]
@@ -65,11 +66,6 @@ def problems(path: Path, measure: Measure = _unknown) -> list[str]:
         )
     except ValueError as error:
         return _sentences(error, path)
-
-
-def is_device(document: dict[str, Any]) -> bool:
-    """Whether these are the keys of a device description."""
-    return "axes" in document or "kinematics" in document
 
 
 def _sentences(error: ValueError, at: Any) -> list[str]:
@@ -113,7 +109,7 @@ def remark(path: Path, measure: Measure = _unknown) -> str:
     """
     document = yaml_reader.load(path)
     if not _has_section(document):
-        return "" if is_device(document) else unkept_wish(path)
+        return "" if DEVICE & document.keys() else unkept_wish(path)
     given = files.read_operating_point(path, NODES)
     values = defaults(NODES["haptic_simulation"]) | given["haptic_simulation"]
     said = unkept_wish(values["scene"], values["method"]), _left_out(given), _too_late(given, measure)

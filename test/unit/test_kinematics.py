@@ -130,7 +130,9 @@ WRONG = {
     "workspace is [[-0.045, 0.045]]": {"handle": {"workspace": [[-0.045, 0.045]]}},
     "gravity is [0.0, -9.81] m/s²; a linkage lies flat: leave it out": {"gravity": [0.0, -9.81]},
     "limits of joint_1 are 11 rad apart; at most a turn, 6.283 rad": {"joints": [TWO[0] | {"limits": [-4, 7]}, TWO[1]]},
-    "home is [0.0, 0.0] m, and with homing at_start it must be a place in the workspace": {"homing": "at_start"},
+    "home has 0 m; with homing at_start it is where the handle is then, within the workspace, 0.015 to 0.12 m": {
+        "homing": "at_start"
+    },
 }
 
 

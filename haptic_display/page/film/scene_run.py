@@ -32,8 +32,24 @@ def film_of_scene(scene: Scene) -> Film:
     names = [HANDLE, TOOL, *(body.name for body in scene.bodies if not body.fixed)]
     places, force, coupled, contacts = _run(scene, names)
     drawing = drawing_of(scene)
-    touched, room = next((picture / RATE for picture, *_ in contacts), None), room_of(places, drawing)
-    return Film(scene.name, drawing, "", [], [], RATE, 0.0, places, {}, force, coupled, contacts, [], touched, room, [])
+    return Film(
+        name=scene.name,
+        scene=drawing,
+        date="",
+        facts=[],
+        notes=[],
+        rate=RATE,
+        begin=0.0,
+        places=places,
+        curves={},
+        force=force,
+        coupled=coupled,
+        contacts=contacts,
+        marks=[],
+        first_contact=next((picture / RATE for picture, *_ in contacts), None),
+        room=room_of(places, drawing),
+        walls=[],
+    )
 
 
 def _run(scene: Scene, names: list[str]) -> Shown:
