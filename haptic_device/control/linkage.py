@@ -14,6 +14,7 @@ from haptic_device.jit import kernel, njit
 NAMES = "kind", "base", "proximal", "distal", "assembly", "travel", "origin_x", "origin_y"
 LINKAGE = np.dtype([(name, "f8") for name in NAMES])
 """kind: place in kinematics.KINDS; travel [m/rad] of a sector pulley; all else as of kinematics.Kinematics."""
+CARTESIAN = float(kinematics.CARTESIAN)
 
 _pose, _angles = njit(kinematics.pose), njit(kinematics.angles)
 _SINGULAR, _CLEAR = kinematics.SINGULAR, kinematics.CLEAR
