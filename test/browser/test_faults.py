@@ -112,15 +112,16 @@ def test_an_e_stop_and_a_handle_led_out_of_the_workspace_are_told_and_one_press_
     mend(tab)
     tab.page.click("[data-service=disable]")
     tab.until_text("state", "^idle$")
-    places = []
+    goals = [0.08]  # [m]
     with contextlib.closing(Client.join("leads_out", ros_domain, NAMESPACE)) as client:
 
-        def lead_out():
+        def lead_out():  # a hand aims no farther than the edge: from a rest before it, the handle swings over
             client.look()
-            if client.truth:  # step by step, no faster than a handle may be
-                x, y, theta = places[-1] if places else [client.truth[axis][0] for axis in AXES]
-                places.append([min(0.125, x + 0.002), y, theta])
-                client.aim(places[-1])
+            if client.truth:
+                (x, speed, _), (y, _, _), (theta, _, _) = (client.truth[axis] for axis in AXES)
+                if abs(x - goals[-1]) < 1e-3 and abs(speed) < 1e-3:
+                    goals.append(0.2 - goals[-1])
+                client.aim((goals[-1], y, theta))
 
         tab.until("/outside/.test(document.getElementById('fault_title').textContent)", before=lead_out)
     tab.until_text(
