@@ -10,12 +10,11 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from haptic_device.control.exchange_samples import TAIL
+from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, STRING
 from haptic_device.recording.writer import Bag
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 SECOND = 1_000_000_000  # [ns]
-JOINTS, CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
-DIAGNOSTICS, STRING = "diagnostic_msgs/msg/DiagnosticArray", "std_msgs/msg/String"
 AXES = ("x", "y", "theta")
 SAID = {"max_contact_force": "2.5", "max_penetration": "3e-5", "tool_port_energy": "0.125"}
 STIFFNESS, DAMPING = 1000.0, 2.0
@@ -79,6 +78,11 @@ def cloud(rows: np.ndarray) -> bytes:
     step = rows.dtype.itemsize
     message = kinds[CLOUD](header, 1, len(rows), fields, False, step, len(data), data, True)
     return bytes(TYPES.serialize_cdr(message, CLOUD))
+
+
+def string(text: str) -> bytes:
+    """A serialized String."""
+    return bytes(TYPES.serialize_cdr(TYPES.types[STRING](text), STRING))
 
 
 def diagnostics(name: str, values: dict[str, str]) -> bytes:

@@ -8,23 +8,19 @@ import numpy as np
 from bag_of_a_run import (
     AXES,
     BOOT_TO_EPOCH,
-    CLOUD,
     DAMPING,
-    DIAGNOSTICS,
-    JOINTS,
     STIFFNESS,
-    STRING,
     TICKS_PER_EXCHANGE,
-    TYPES,
     cloud,
     diagnostics,
     joints,
+    string,
     swing,
     write_bag,
 )
 
 from haptic_device.control.exchange_samples import TAIL
-from haptic_device.recording.layouts import CloudLayout
+from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, STRING, CloudLayout
 from haptic_sim.node.scene_publisher import CONTACT, state_names
 from haptic_sim.scene.language import parse
 
@@ -38,11 +34,6 @@ SCENE = {
         {"name": "block", "mass": 0.2, "shapes": [{"box": {"size": [0.01, 0.01]}}], "pose": [0.03, 0.0, 0.0]},
     ],
 }
-
-
-def string(text: str) -> bytes:
-    """A serialized String."""
-    return bytes(TYPES.serialize_cdr(TYPES.types[STRING](text), STRING))
 
 
 def rows_of(ticks: int, contact: tuple[int, int] = (2000, 2400)) -> np.ndarray:

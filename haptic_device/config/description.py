@@ -5,18 +5,17 @@ import math
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from haptic_device.config import yaml_reader
 from haptic_device.config.files import ConfigError, find
-from haptic_device.config.kinematics import CLEAR, Kinematics
+from haptic_device.config.kinematics import CLEAR, Kinematics, Number
 from haptic_device.config.link_registry import Link
 from haptic_device.config.refusal import Part, Unit, sentences
 from haptic_device.message_fields import AXES
 
 Positive = Annotated[float, Field(gt=0.0, le=1e9, allow_inf_nan=False, strict=True)]
 NotNegative = Annotated[float, Field(ge=0.0, le=1e9, allow_inf_nan=False, strict=True)]
-Number = Annotated[float, Field(ge=-1e9, le=1e9, allow_inf_nan=False, strict=True)]
 Sign = Literal[1, -1]
 STRAIGHT, TURNING = (5.0, "m", "mm"), (8.0 * math.pi, "rad", "degrees")
 """Farthest from 0 that a handle is led, a step and an arm, or four turns; its unit, and one that is no SI."""
@@ -24,6 +23,15 @@ RESERVED = *AXES, "elbow_1", "elbow_2", "pivot"  # names of other joints in ROS
 FEWEST = 100  # counts in a workspace: with fewer, one is more than a hundredth of it
 SUB_STEP = 50_000  # [ns] longest step of the simulated device's exact motion
 MOST_STIFF = 1.0 / (SUB_STEP * 1e-9)  # [1/s] damping over mass up to which the plant's series converges fast
+
+
+def _rising(value: tuple[float, float]) -> tuple[float, float]:
+    if value[0] >= value[1]:
+        raise ValueError("write [low, high]")
+    return value
+
+
+Range = Annotated[tuple[Number, Number], AfterValidator(_rising)]
 
 
 class DragSensor(Part):
@@ -76,7 +84,7 @@ class Axis(Part):
     motor_constant: Annotated[Positive, Unit("N per motor unit | N m per motor unit")] = 1.0
     motor_sign: Sign = 1
     motor_limit: Annotated[Positive, Unit("N | N m")]
-    workspace: Annotated[tuple[Number, Number], Unit("m | rad")]
+    workspace: Annotated[Range, Unit("m | rad")]
     velocity_limit: Annotated[Positive, Unit("m/s | rad/s")]
     mass: Annotated[Positive, Unit("kg | kg m²")]
     damping: Annotated[Positive, Unit("N s/m | N m s/rad")]
@@ -93,13 +101,6 @@ class Axis(Part):
             given = f"counts_per_unit is {self.counts_per_unit:g} counts/{unit}, {count:.4g} in the workspace"
             raise ValueError(f"{given}; at least {FEWEST} counts in it are needed")
         return self
-
-    @field_validator("workspace")
-    @classmethod
-    def _rising(cls, value: tuple[float, float]) -> tuple[float, float]:
-        if value[0] >= value[1]:
-            raise ValueError("write [low, high]")
-        return value
 
 
 class Joint(Part):
@@ -129,14 +130,7 @@ class Joint(Part):
     damping: Annotated[Positive, Unit("N m s/rad")]
     inertia: Annotated[Positive, Unit("kg m²")]
     coulomb: Annotated[NotNegative, Unit("N m")] = 0.0
-    limits: Annotated[tuple[Number, Number], Unit("rad")]
-
-    @field_validator("limits")
-    @classmethod
-    def _rising(cls, value: tuple[float, float]) -> tuple[float, float]:
-        if value[0] >= value[1]:
-            raise ValueError("write [low, high]")
-        return value
+    limits: Annotated[Range, Unit("rad")]
 
     @property
     def step(self) -> float:
@@ -164,19 +158,15 @@ class Handle(Part):
     """
 
     mass: Annotated[Positive, Unit("kg")]
-    workspace: Annotated[tuple[tuple[Number, Number], ...], Field(min_length=1, max_length=2), Unit("m")]
-    use_workspace: Annotated[tuple[tuple[Number, Number], ...], Unit("m")] | None = None
+    workspace: Annotated[tuple[Range, ...], Field(min_length=1, max_length=2), Unit("m")]
+    use_workspace: Annotated[tuple[Range, ...], Unit("m")] | None = None
     velocity_limit: Annotated[Positive, Unit("m/s")]
 
     @model_validator(mode="after")
     def _within(self) -> Self:
-        if any(low >= high for low, high in self.used):
-            raise ValueError(f"workspace is {_places(self.used)} m; write [low, high] for each axis")
-        if used := self.use_workspace:
-            whole = self.workspace
-            fits = len(used) == len(whole) and all(a <= c < d <= b for (a, b), (c, d) in zip(whole, used, strict=True))
-            if not fits:
-                raise ValueError(f"use_workspace is {_places(used)} m; it must lie in workspace, {_places(whole)} m")
+        whole, used = self.workspace, self.used
+        if len(used) != len(whole) or any(c < a or d > b for (a, b), (c, d) in zip(whole, used, strict=True)):
+            raise ValueError(f"use_workspace is {_places(used)} m; it must lie in workspace, {_places(whole)} m")
         return self
 
     @property
@@ -347,14 +337,13 @@ def _jacobians(kinematics: Kinematics, joints: tuple[Joint, ...], handle: Handle
     for place in kinematics.grid(handle.used):
         angles, c = kinematics.angles(*(a + b for a, b in zip(kinematics.origin, place, strict=False)))
         at = ", ".join(f"{axis} = {value:g} m" for axis, value in zip("xy", place, strict=False))
-        told = f"the workspace has {at}, where"
-        if c <= 0.0:
-            return [], f"{told} the handle cannot be: check lengths and origin, or take a smaller use_workspace"
+        near = f"the linkage is near a singular pose (a sine of {c:.2g}; at least {CLEAR:g})"
+        problem = beyond(joints, angles)
         if c < CLEAR:
-            near = f"the linkage is near a singular pose (a sine of {c:.2g}; at least {CLEAR:g})"
-            return [], f"{told} {near}: check lengths and origin, or take a smaller use_workspace"
-        if problem := beyond(joints, angles):
-            return [], f"{told} {problem}"
+            problem = near if c > 0.0 else "the handle cannot be"
+            problem += ": check lengths and origin, or take a smaller use_workspace"
+        if problem:
+            return [], f"the workspace has {at}, where {problem}"
         found.append(kinematics.jacobian(*angles))
     return found, ""
 

@@ -8,6 +8,7 @@ test_exchange_passive.py), and over two network namespaces (test/soak/test_real_
 import threading
 
 import pytest
+from exchange_systems import GAINS
 from live_nodes import DISPLAY
 
 from haptic_device.nodes import messages
@@ -16,15 +17,6 @@ from haptic_device.recording.layouts import CLOUD
 pytestmark = pytest.mark.realtime
 OUT, IN = 0.02, 0.005  # [m] of the hand; the wall's tool touches at 0.01
 PRESSED, BUDGET = 1.0, 0.005  # [N] and more is the wall, [J]
-GAINS = {
-    "coupling__stiffness": 2000.0,
-    "coupling__damping": 2.0,
-    "coupling__rotational_stiffness": 2.0,
-    "coupling__rotational_damping": 0.002,
-    "servo__rate": 2000.0,
-}
-
-
 NODES = {"haptic_loopback": DISPLAY["haptic_loopback"]}
 
 
@@ -44,7 +36,7 @@ def carrying(nodes, ear):
     nodes.start(
         "haptic_simulation", scene="wall", exchange__method="local", renamed=("local_contacts:=far_local_contacts",)
     )
-    nodes.start("haptic_driver", exchange__method="local", auto_enable=True, **GAINS)
+    nodes.start("haptic_driver", exchange__method="local", auto_enable=True, servo__rate=2000.0, **GAINS)
     carrying.set()
     return carrying
 

@@ -3,22 +3,7 @@
 
 import numpy as np
 import pytest
-from bag_of_a_run import (
-    BOOT_TO_EPOCH,
-    CLOUD,
-    DIAGNOSTICS,
-    JOINTS,
-    ROW,
-    SECOND,
-    STRING,
-    TYPES,
-    cloud,
-    diagnostics,
-    joints,
-    swing,
-    write_bag,
-    write_run,
-)
+from bag_of_a_run import BOOT_TO_EPOCH, ROW, SECOND, cloud, diagnostics, joints, string, swing, write_bag, write_run
 from examples import few
 from hypothesis import given
 from hypothesis import strategies as st
@@ -26,16 +11,13 @@ from stored_bags import records_of
 from stored_bags import write as write_file
 
 from haptic_device.recording import load
+from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, STRING
 from haptic_display.run.report import page as pages
 from haptic_display.run.report.reading import read_run
 from haptic_display.run.report.verdict import WARN, verdict
 
 LENGTH, DROPPED = 13.8, 180  # [s] of the recording, rows that the driver dropped in it
 SLOW = 200  # [Hz] of handle and of the stranger's topic
-
-
-def said(values):
-    return bytes(TYPES.serialize_cdr(TYPES.types[STRING](values), STRING))
 
 
 def recorded(folder, steps=(), ours=True, order=lambda messages: range(len(messages))):
@@ -67,7 +49,7 @@ def recorded(folder, steps=(), ours=True, order=lambda messages: range(len(messa
         put(time, "diagnostics", DIAGNOSTICS, diagnostics("haptic_driver", {"trace_dropped": str(count)}), number)
         put(time, "diagnostics", DIAGNOSTICS, diagnostics("haptic_simulation", {"waited_s": str(time)}), 40 + number)
     for number, time in enumerate(np.arange(0.75, LENGTH, 1.5), 1):
-        put(time, "mark", STRING, said(str(time)), number)
+        put(time, "mark", STRING, string(str(time)), number)
     messages.sort(key=lambda message: message[0])
     messages = [messages[place] for place in order(messages)]
     return write_bag(folder, *((*message, wall(time)) for time, *message in messages))

@@ -8,20 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from bag_of_a_run import (
-    AXES,
-    BOOT_TO_EPOCH,
-    CLOUD,
-    DIAGNOSTICS,
-    PERIOD_NS,
-    SAID,
-    TYPES,
-    diagnostics,
-    joints,
-    swing,
-    write_bag,
-    write_run,
-)
+from bag_of_a_run import AXES, BOOT_TO_EPOCH, PERIOD_NS, SAID, TYPES, diagnostics, joints, swing, write_bag, write_run
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
@@ -31,7 +18,17 @@ from haptic_device.control import records
 from haptic_device.message_fields import TAIL
 from haptic_device.nodes.recorded_topics import KNOWN
 from haptic_device.recording import Entries, load
-from haptic_device.recording.layouts import JOINTS, POSE, STRING, WRENCH, CloudLayout, StampedLayout, layout_of
+from haptic_device.recording.layouts import (
+    CLOUD,
+    DIAGNOSTICS,
+    JOINTS,
+    POSE,
+    STRING,
+    WRENCH,
+    CloudLayout,
+    StampedLayout,
+    layout_of,
+)
 from haptic_device.recording.writer import Bag
 from haptic_display.run.report.quantities import figures
 from haptic_display.run.report.run import Run

@@ -10,15 +10,11 @@ import pytest
 import typer
 from bag_of_a_run import (
     BOOT_TO_EPOCH,
-    CLOUD,
-    DIAGNOSTICS,
-    JOINTS,
     PERIOD_NS,
-    STRING,
-    TYPES,
     cloud,
     diagnostics,
     joints,
+    string,
     swing,
     write_bag,
     write_run,
@@ -30,7 +26,16 @@ from mcap.reader import make_reader
 
 from haptic_device.control import withheld
 from haptic_device.recording import load
-from haptic_device.recording.layouts import WRENCH, CloudLayout, StampedLayout, wrench_numbers
+from haptic_device.recording.layouts import (
+    CLOUD,
+    DIAGNOSTICS,
+    JOINTS,
+    STRING,
+    WRENCH,
+    CloudLayout,
+    StampedLayout,
+    wrench_numbers,
+)
 from haptic_device.recording.writer import Bag
 from haptic_device.theory.palette import RUNS
 from haptic_display.cli.report import report
@@ -266,8 +271,7 @@ def test_stamps_that_go_back_or_stand_still_are_counted_topic_by_topic_and_those
 
 def test_markers_are_told_with_their_time_from_the_first_message_on(tmp_path):
     said = [
-        ("/haptic/mark", STRING, bytes(TYPES.serialize_cdr(TYPES.types[STRING](word), STRING)), 1, time)
-        for time, word in ((10**9, "begins"), (3 * 10**9, "lets go"))
+        ("/haptic/mark", STRING, string(word), 1, time) for time, word in ((10**9, "begins"), (3 * 10**9, "lets go"))
     ]
     found = sections(read_run(write_bag(tmp_path / "marked", *said)))
     assert found["Trial and markers"] == {"mark at 0.000 s": "begins", "mark at 2.000 s": "lets go"}
